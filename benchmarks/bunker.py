@@ -4,14 +4,14 @@ A table of docs/rod_models.md as `seed_table.py` makes it. The inputs are those 
 ``studies/bunker.toml`` that the Walker-Anderson model takes. Depths are those in a target without a
 rear face.
 
-Ten million runs are made by blocks. Their intervals are exact for a binomial count
-(Clopper-Pearson), and a thickness has a one-sided bound (Wilks). All other methods are designs of
-uqpen, with the intervals that an archive has.
+All methods are designs of uqpen, with the intervals that an archive has: those of independent runs
+are exact for a binomial count (Clopper-Pearson), and a thickness has a one-sided bound (Wilks).
 """
 
 from __future__ import annotations
 
 import sys
+import tempfile
 from argparse import Namespace
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -23,12 +23,8 @@ import numpy.typing as npt
 from seed_table import Case, Row, SeedTable
 
 import uqpen
-from uqpen.core.streams import Stream
 from uqpen.designs import DESIGNS
-from uqpen.execution import Evaluator
 from uqpen.results.source_statistics import SourceStatistics
-from uqpen.statistics.intervals import clopper_pearson, upper_rank
-from uqpen.study.study import ValidatedStudy
 
 FloatArray = npt.NDArray[np.float64]
 STUDY = Path(__file__).resolve().parent.parent / "studies" / "bunker.toml"
@@ -37,9 +33,6 @@ THRESHOLDS = (54, 60, 80, 100, 150, 200, 300)  # cm
 CONTENTS = (0.95, 0.99, 0.999, 0.9999, 0.99999)
 # Events for which it is worth moving runs towards them, and one that every method sees.
 ASKED = (60, 150, 300)
-LEVEL = 0.95
-MANY = 10_000_000
-BLOCK = 65_536
 MOST_RUNS = "Monte Carlo, 10 million"
 
 
@@ -66,9 +59,11 @@ def study_text(seed: int, designs: str) -> str:
 
 def by_design(seed: int, settings: str) -> list[Answer]:
     """Ask a design whose runs are a sample."""
-    tree = uqpen.run(uqpen.parse_study(study_text(seed, f"[designs.only]\n{settings}")))
-    statistics = SourceStatistics(tree)
-    runs = int(tree["runs/only"].sizes["run"])
+    study = uqpen.parse_study(study_text(seed, f"[designs.only]\n{settings}"))
+    with tempfile.TemporaryDirectory() as folder:
+        uqpen.make_archive(study, Path(folder) / "only.nc")
+        statistics = SourceStatistics(uqpen.open_archive(Path(folder) / "only.nc"))
+    runs = int(settings.partition("runs = ")[2].split()[0])
     found = []
     for name, label, scale in (
         ("exceedance", "P(> {})", 1.0),
@@ -99,47 +94,13 @@ def towards_event(seed: int, kind: str) -> list[Answer]:
     return found
 
 
-def by_blocks(seed: int, runs: int = MANY) -> list[Answer]:
-    """Make very many independent runs, of which the depths alone are kept."""
-    settings = '[designs.only]\nkind = "monte-carlo"\nruns = 10\n'
-    study = uqpen.parse_study(study_text(seed, settings))
-    study.model.prepare()
-    depths = np.sort(np.concatenate([*_depths(study, seed, runs)]))
-    size = depths.size
-    found = []
-    for threshold in THRESHOLDS:
-        events = int(size - np.searchsorted(depths, threshold / 100, side="right"))
-        lower, upper = (float(end) for end in clopper_pearson(events, size, LEVEL))
-        found.append(Answer(f"P(> {threshold} cm)", size, events / size, lower, upper))
-    for content in CONTENTS:
-        estimate = 100 * float(np.quantile(depths, content))
-        rank = float(upper_rank(size, content, LEVEL))
-        upper = np.nan if np.isnan(rank) else 100 * float(depths[int(rank) - 1])
-        found.append(Answer(f"{100 * content:g} %", size, estimate, np.nan, upper))
-    return found
-
-
-def _depths(study: ValidatedStudy, seed: int, runs: int) -> Iterator[FloatArray]:
-    """Yield the depths of the admissible runs, in metres, by blocks."""
-    evaluator, stream = Evaluator(study.model), Stream(seed, "benchmarks", "bunker")
-    dimension = len(study.joint.random)
-    for number, start in enumerate(range(0, runs, BLOCK)):
-        unit = stream.generator(number).random((min(BLOCK, runs - start), dimension))
-        points = study.joint.points(unit, {})
-        size = len(unit)
-        inputs = {
-            str(name): np.broadcast_to(points[name].values, size).astype(np.float64)
-            for name in points.data_vars
-        }
-        depths = evaluator(inputs).outputs[DEPTH]
-        yield depths[np.isfinite(depths)]
-
-
 def methods() -> dict[str, Callable[[int], list[Answer]]]:
     """Return the methods by name, each a function of the seed."""
     found: dict[str, Callable[[int], list[Answer]]] = {
         "Monte Carlo, 10 000": lambda seed: by_design(seed, 'kind = "monte-carlo"\nruns = 10_000'),
-        MOST_RUNS: by_blocks,
+        MOST_RUNS: lambda seed: by_design(
+            seed, 'kind = "monte-carlo"\nruns = 10_000_000\nkeep = "statistics"'
+        ),
         "Sobol' points, 16 × 4096": lambda seed: by_design(
             seed, 'kind = "sobol-sequence"\nruns = 65_536\nreplicates = 16'
         ),

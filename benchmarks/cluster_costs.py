@@ -11,15 +11,17 @@ process, however many workers there are, so that the dearer one limits a study.
 from __future__ import annotations
 
 import argparse
+import multiprocessing
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
+from multiprocessing.connection import Connection
 from pathlib import Path
 from statistics import median
 from typing import NamedTuple
 
 import numpy as np
 from seed_table import fill
-from two_workers import processor_time, two_workers
 
 from uqpen.core.streams import BLOCK
 from uqpen.execution import Evaluator
@@ -102,6 +104,40 @@ def _seconds(spread: Cluster, scheduler: int, tasks: int, runs: int) -> tuple[fl
         (time.process_time() - began) / tasks,
         (processor_time(scheduler) - before) / tasks,
     )
+
+
+@contextmanager
+def two_workers() -> Iterator[tuple[str, int]]:
+    """Start them; yield the address of the scheduler and the id of its process."""
+    context = multiprocessing.get_context("spawn")
+    here, there = context.Pipe()
+    process = context.Process(target=_serve, args=(there,))
+    process.start()
+    try:
+        address = here.recv()
+        assert process.pid is not None
+        yield address, process.pid
+    finally:
+        here.send("end")
+        process.join()
+
+
+def processor_time(process: int) -> float:
+    """Seconds of processor time that a process has taken so far."""
+    import psutil
+
+    return float(sum(psutil.Process(process).cpu_times()[:2]))
+
+
+def _serve(pipe: Connection) -> None:
+    """Run a scheduler until it is told to end; its workers are processes of their own."""
+    from distributed import LocalCluster
+
+    with LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=None, host="127.0.0.1"
+    ) as local:
+        pipe.send(local.scheduler_address)
+        pipe.recv()
 
 
 def _plans() -> tuple[Plan, ...]:

@@ -26,6 +26,7 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from gaussian_process import CASES, ishigami
 from scipy import special
 from scipy.stats import qmc
 from seed_table import FEWEST, LOWEST, Case, Row, SeedTable, lines, per_cent, totals
@@ -97,17 +98,12 @@ class Function(NamedTuple):
 
 
 def _ishigami(u: FloatArray) -> FloatArray:
-    x1, x2, x3 = (2 * u[:, :3] - 1).T * math.pi
-    return np.asarray(np.sin(x1) + 7 * np.sin(x2) ** 2 + 0.1 * x3**4 * np.sin(x1))
+    return ishigami(math.pi * (2 * u[:, :3] - 1))
 
 
 def _borehole(u: FloatArray) -> FloatArray:
-    low = np.array([0.05, 100, 63070, 990, 63.1, 700, 1120, 9855])
-    high = np.array([0.15, 50000, 115600, 1110, 116, 820, 1680, 12045])
-    rw, r, tu, hu, tl, hl, length, kw = (low + u * (high - low)).T
-    log = np.log(r / rw)
-    below = log * (1 + 2 * length * tu / (log * rw**2 * kw) + tu / tl)
-    return np.asarray(2 * math.pi * tu * (hu - hl) / below)
+    function, lower, upper, _ = CASES["borehole"]
+    return function(np.array(lower) + u * np.subtract(upper, lower))
 
 
 def _additive(u: FloatArray) -> FloatArray:
@@ -358,9 +354,10 @@ def _parts(
     )
 
 
-def _corrected(seed: Seed, truth: Truth) -> Iterator[tuple[str, Estimate]]:
+def _corrected(
+    runs: CorrectionRuns, truth: Truth, all_parts: tuple[InputParts, ...] | None = None
+) -> Iterator[tuple[str, Estimate]]:
     """Yield the corrected estimates of a seed."""
-    runs = seed.runs
     moments = CorrectedMoments(runs)
     yield "mean", moments.mean()
     yield "std", moments.std()
@@ -373,8 +370,8 @@ def _corrected(seed: Seed, truth: Truth) -> Iterator[tuple[str, Estimate]]:
     for p, value, lower, upper in zip(QUANTILES, *ends, strict=True):
         yield f"quantile {p:g}", Estimate(value, lower, upper, "", "discrete")
     yield "half_spread", Estimate(*cdf.half_spread(), "", "conservative")
-    if seed.parts and not moments.heavy_tail:
-        for order, parts in zip(("first", "total"), seed.parts, strict=True):
+    if all_parts and not moments.heavy_tail:
+        for order, parts in zip(("first", "total"), all_parts, strict=True):
             for name, estimate in enumerate(corrected_indices(runs, parts, moments.variance)):
                 yield f"{order} {name}", estimate
 
@@ -413,7 +410,7 @@ def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
     for number in seeds:
         seed = _seed(problem, _designs(int(runs))[str(design)], int(runs), number)
         plain = dict(_plain(seed, problem.truth))
-        corrected = dict(_corrected(seed, problem.truth))
+        corrected = dict(_corrected(seed.runs, problem.truth, seed.parts))
         for statistic, true in problem.truth.values.items():
             count = counts[statistic]
             value, low, high = plain.get(statistic, (math.nan,) * 3)

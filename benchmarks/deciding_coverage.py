@@ -3,7 +3,6 @@
 Run it as ``python benchmarks/deciding_coverage.py --markdown docs/coverage.md``, with uqpen
 installed. The runs of a seed are drawn from a pool of exact runs of a model, whose statistics are
 the true values. The looks, the estimates, the intervals and the test are those of the package.
-`stopping_coverage.py` compares first looks by formulas of its own.
 """
 
 from __future__ import annotations
@@ -12,18 +11,23 @@ import argparse
 import multiprocessing
 from collections.abc import Callable, Iterator
 from functools import cache
+from multiprocessing.pool import Pool
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
+from gaussian_process import ishigami
 from interval_coverage import STUDIES
-from seed_table import fill
+from seed_table import fill, lines
 
-from uqpen.core.labels import SAMPLING, STATUS
+from uqpen.core.labels import REPLICATE, SAMPLING, STATUS
 from uqpen.core.model import Output
 from uqpen.core.sampling import Sampling
+from uqpen.designs.latin_hypercube import LatinHypercube
+from uqpen.designs.quasi_monte_carlo import Halton, SobolSequence, sobol_points
+from uqpen.designs.replicated import ReplicatedDesign
 from uqpen.designs.stopping.acceptance_claim import decide
 from uqpen.designs.stopping.stopping_rule import doubling_looks
 from uqpen.statistics.analyze import analyze
@@ -36,6 +40,8 @@ from uqpen.workflow import run_design
 FloatArray = npt.NDArray[np.float64]
 
 POOL = 1 << 20
+DOUBLINGS = 5
+REFERENCE_EXPONENT = 22
 LOOKS = tuple(doubling_looks(16_384))
 MOST = 16_384
 # Of the usual half-width at a look.
@@ -58,13 +64,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--seeds", type=int, default=1000)
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--only", choices=TABLES, help="one of the tables")
     parser.add_argument("--markdown", type=Path, metavar="FILE.md")
     options = parser.parse_args()
-    lines = [*_precision_table(options.seeds, options.workers), "", *_decision_table(options.seeds)]
-    text = "\n".join(lines)
-    print(text)
-    if options.markdown:
-        fill(options.markdown, "designs that end by themselves", text)
+    for name in [options.only] if options.only else TABLES:
+        with multiprocessing.get_context("fork").Pool(options.workers) as pool:
+            text = "\n".join(TABLES[name](options.seeds, pool))
+        print(text, flush=True)
+        if options.markdown:
+            fill(options.markdown, name, text)
 
 
 POOLS = ("concrete", "Ishigami", "step")
@@ -104,12 +112,6 @@ def _concrete() -> FloatArray:
     return depth[np.isfinite(depth)]
 
 
-def _ishigami(unit: FloatArray) -> FloatArray:
-    x1, x2, x3 = np.pi * (2 * unit - 1)
-    y: FloatArray = np.sin(x1) + 7 * np.sin(x2) ** 2 + 0.1 * x3**4 * np.sin(x1)
-    return y
-
-
 def _step(unit: FloatArray) -> FloatArray:
     x1, x2, x3 = unit
     y: FloatArray = 3.0 * (x1 + x2 > 1.4) + np.square(x3)
@@ -117,7 +119,10 @@ def _step(unit: FloatArray) -> FloatArray:
 
 
 # Of three inputs between 0 and 1, in the rows of an array.
-FUNCTIONS: dict[str, Callable[[FloatArray], FloatArray]] = {"Ishigami": _ishigami, "step": _step}
+FUNCTIONS: dict[str, Callable[[FloatArray], FloatArray]] = {
+    "Ishigami": lambda unit: ishigami(np.pi * (2 * unit.T - 1)).T,
+    "step": _step,
+}
 
 
 def _pool(name: str) -> FloatArray:
@@ -140,23 +145,94 @@ def bounds_of(runs: xr.Dataset, quantity: QuantityOfInterest) -> FloatArray:
 
 
 def _runs(values: FloatArray) -> xr.Dataset:
-    return xr.Dataset(
+    """Return runs of independent outputs, or of shape (replicate, point)."""
+    runs = xr.Dataset(
         {
-            "y": ("run", values, {"units": "1", "role": "output"}),
-            STATUS: ("run", np.zeros(len(values), np.int8)),
+            "y": ("run", values.ravel(), {"units": "1", "role": "output"}),
+            STATUS: ("run", np.zeros(values.size, np.int8)),
         },
         attrs={SAMPLING: str(Sampling.INDEPENDENT)},
     )
+    if values.ndim == 1:
+        return runs
+    replicates = np.repeat(np.arange(len(values)), values.shape[1])
+    runs = runs.assign_coords({REPLICATE: ("run", replicates)})
+    return runs.assign_attrs({SAMPLING: str(Sampling.STRATIFIED)})
 
 
-def _precision_table(seeds: int, workers: int) -> Iterator[str]:
-    yield "| output | target | fixed at 512 | worst target | middle target |"
-    yield "|---|---|---|---|---|"
+class Replicates(NamedTuple):
+    """Replicates at the first look, and the points of each."""
+
+    design: ReplicatedDesign
+    replicates: int
+    points: int
+
+    def draw(self, seed: int) -> Iterator[FloatArray]:
+        """Yield the points of each look, shape (replicate, point, input)."""
+        factor = 1 << DOUBLINGS
+        grows = self.design.is_sequence
+        numbers = range(self.replicates * (1 if grows else factor))
+        points = self.points * (factor if grows else 1)
+        rngs = (np.random.default_rng([2_066, seed, number]) for number in numbers)
+        sets = np.stack([self.design.draw(rng, points, 3) for rng in rngs])
+        for doublings in range(DOUBLINGS + 1):
+            part = 1 << doublings
+            yield sets[:, : self.points * part] if grows else sets[: self.replicates * part]
+
+
+DESIGNS = {
+    "Sobol' sets": Replicates(SobolSequence(64), 32, 16),
+    "Halton sets": Replicates(Halton(64), 32, 16),
+    "hypercubes": Replicates(LatinHypercube(20), 20, 26),
+}
+
+
+@cache
+def exact_problem(name: str) -> Problem:
+    """A problem whose truth is from one Sobol' set, far below the widths of intervals."""
+    unit = sobol_points(np.random.default_rng(2_065), 1 << REFERENCE_EXPONENT, 3)
+    return problem_of(FUNCTIONS[name](unit.T))
+
+
+def estimates_of_replicates(case: tuple[str, int]) -> FloatArray:
+    """Return the bounds of all statistics of a seed, shape (function, look, kind, 3)."""
+    name, seed = case
+    looks = list(DESIGNS[name].draw(seed))
+    return np.array(
+        [
+            [bounds_of(_runs(function(look.T).T), exact_problem(each).quantity) for look in looks]
+            for each, function in FUNCTIONS.items()
+        ]
+    )
+
+
+def _replicates_table(seeds: int, pool: Pool) -> Iterator[str]:
+    head = ["design", "output", "target", "at the first look", "worst target"]
+    yield from lines([*head, "of other seeds", "middle target"], ())
+    truths = {name: exact_problem(name).truth for name in FUNCTIONS}
+    for design in DESIGNS:
+        cases = [(design, seed) for seed in range(seeds)]
+        bounds = np.array(pool.map(estimates_of_replicates, cases, chunksize=5))
+        for number, (name, truth) in enumerate(truths.items()):
+            for kind, key in enumerate(KINDS):
+                case = key, kind, bounds[:, number], truth[kind]
+                cells = precision_cells(*case)
+                cells.insert(2, f"{worst_of_other_seeds(*case):.1f}")
+                yield f"| {design} | {name} | `{key}` | {' | '.join(cells)} |"
+
+
+def _independent_tables(seeds: int, pool: Pool) -> Iterator[str]:
+    yield from _precision_table(seeds, pool)
+    yield ""
+    yield from _decision_table(seeds)
+
+
+def _precision_table(seeds: int, pool: Pool) -> Iterator[str]:
+    yield from lines(["output", "target", "fixed at 512", "worst target", "middle target"], ())
     for name in POOLS:
         truth = problem(name).truth
         cases = [(name, seed) for seed in range(seeds)]
-        with multiprocessing.get_context("fork").Pool(workers) as pool:
-            bounds = np.array(pool.map(estimates, cases, chunksize=10))
+        bounds = np.array(pool.map(estimates, cases, chunksize=10))
         for kind, key in enumerate(KINDS):
             cells = precision_cells(key, kind, bounds, truth[kind])
             yield f"| {name} | `{key}` | {' | '.join(cells)} |"
@@ -165,14 +241,7 @@ def _precision_table(seeds: int, workers: int) -> Iterator[str]:
 def precision_cells(key: str, kind: int, bounds: FloatArray, truth: float) -> list[str]:
     """Return the coverage in per cent after the first look, at the worst and the middle target.
 
-    Parameters
-    ----------
-    key, kind
-        Of the statistic, and its position in `KINDS`.
-    bounds : ndarray, shape (seed, look, kind, 3)
-        Estimates and the ends of their intervals.
-    truth : float
-        The true value.
+    The estimates and the ends of their intervals have the shape (seed, look, kind, 3).
     """
     covers, known = _covering(kind, bounds, truth)
     fixed = covers[:, 0][known[:, 0]]
@@ -296,6 +365,11 @@ def _decisive_counts(limit: float) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
     assert lower > limit, "the counts are those of the interval"
     return least, most
 
+
+TABLES = {
+    "designs that end by themselves": _independent_tables,
+    "replicates that end by themselves": _replicates_table,
+}
 
 if __name__ == "__main__":
     main()

@@ -96,48 +96,22 @@ def _nearest(points: float, *, replicates: int) -> int:
 
 @dataclass(frozen=True)
 class Truth:
-    """What the statistics of an output should be.
-
-    Parameters
-    ----------
-    mean, std : float
-        Moments.
-    cdf, quantile : callable
-        The distribution function and its inverse, over arrays.
-    shares : mapping of str to float
-        Probability of each kind, of an output that has kinds beside the one looked at.
-    indices : mapping of str to sequence of float
-        Sobol' indices of every input, by what the names of their variables end in.
-    exceedance_indices : mapping of float to mapping
-        The same of exceeding a value.
-    """
+    """What the statistics of an output should be."""
 
     mean: float
     std: float
     cdf: Callable[[Any], FloatArray]
     quantile: Callable[[Any], FloatArray]
+    # Probability of each kind, of an output that has kinds beside the one looked at.
     shares: Mapping[str, float] = field(default_factory=dict)
+    # Sobol' indices of every input, of the output and of exceeding a value.
     indices: Mapping[str, Sequence[float]] = field(default_factory=dict)
     exceedance_indices: Mapping[float, Mapping[str, Sequence[float]]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Problem:
-    """A model under a law, with the output whose statistics are known.
-
-    Parameters
-    ----------
-    evaluator : Evaluator
-        The model with its constraints.
-    law : JointDistribution
-        Its inputs.
-    output : Output
-        The one looked at.
-    truth : Truth
-        Of that output.
-    exceeds : tuple of float
-        Thresholds.
-    """
+    """A model with its constraints, its inputs, and the output whose statistics are known."""
 
     evaluator: Evaluator
     law: JointDistribution

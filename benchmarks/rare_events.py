@@ -13,7 +13,6 @@ import math
 import sys
 from argparse import Namespace
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -24,15 +23,13 @@ from scipy import special, stats
 from scipy.special import ndtr
 from seed_table import Case, Row, SeedTable, lines
 
-from uqpen.core.labels import RARE_EVENT, RARE_EVENT_METHOD, REPLICATE, ROLE, RUN, SAMPLING, STATUS
+from uqpen.core.labels import ROLE, RUN, SAMPLING, STATUS
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.core.variables import Input
 from uqpen.designs.design import Design
 from uqpen.designs.drawn_points import points_in_memory, points_of
 from uqpen.designs.rare_events.importance_sampling import ImportanceSampling
-from uqpen.designs.rare_events.limit_state import parse_limit_state
-from uqpen.designs.rare_events.rare_event_design import RunOutcomes
 from uqpen.designs.rare_events.subset_simulation import SubsetSimulation
 from uqpen.designs.rounds import run_rounds
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
@@ -186,69 +183,27 @@ def answer(problem: Problem, design: Design, seed: int) -> tuple[int, FloatArray
     def make_runs(drawn: Any, number: int) -> dict[str, xr.Dataset]:
         points = points_in_memory(points_of(drawn))
         values = problem.function(np.column_stack([points[name].values for name in names]))
-        return {"": _run(points, values)}
+        status = np.where(np.isnan(values), Status.NOT_FINITE, Status.OK).astype(np.int8)
+        described = {"units": "1", ROLE: "output"}
+        return {"": points.assign({"g": (RUN, values, described), STATUS: (RUN, status)})}
 
     rounds = run_rounds(design, joint, Stream(seed, "designs", "rare"), make_runs)
-    return _estimated([each[""] for each in rounds], design)
-
-
-def _run(points: xr.Dataset, values: FloatArray) -> xr.Dataset:
-    status = np.where(np.isnan(values), Status.NOT_FINITE, Status.OK).astype(np.int8)
-    described = {"units": "1", ROLE: "output"}
-    return points.assign({"g": (RUN, values, described), STATUS: (RUN, status)})
-
-
-def _estimated(rounds: Sequence[xr.Dataset], design: Design) -> tuple[int, FloatArray]:
-    runs = join_rounds(rounds, range(len(rounds)))
+    runs = join_rounds([each[""] for each in rounds], range(len(rounds)))
     runs = runs.assign_attrs({SAMPLING: str(design.sampling)})
     found = joint_probabilities(runs, (), LEVEL)["joint_probability"]
     return runs.sizes[RUN], found.values[0]
 
 
-def subset_answer(problem: Problem, seed: int) -> tuple[int, FloatArray]:
-    """Return what `answer` returns for subset simulation, without a column for each input.
+def openturns_answer(
+    problem: Problem, seed: int, algorithm_of: Callable[[Problem, Any, Callable[[], int]], Any]
+) -> tuple[int, FloatArray]:
+    """Return what an algorithm of OpenTURNS answers, by the stated error of its estimate.
 
-    The replicates are those of the design, a round of all at once. A thousand columns would take
-    several times as long as the runs.
+    The algorithm is made from the problem, its event, and a function for the runs so far.
     """
-    design, event = SubsetSimulation(EVENT, samples=problem.samples), parse_limit_state(EVENT)
-    joint, stream = standard_normals(problem.dimension), Stream(seed, "designs", "rare")
-    replicates = [
-        design.replicate(joint, event, stream.child("replicate", number))
-        for number in range(design.replicate_count)
-    ]
-    wanted = {number: next(each) for number, each in enumerate(replicates)}
-    rounds: list[xr.Dataset] = []
-    first = 0
-    while wanted:
-        sizes = [len(each.points) for each in wanted.values()]
-        columns: dict[str, npt.NDArray[Any]] = {REPLICATE: np.repeat(list(wanted), sizes)}
-        for name in next(iter(wanted.values())).coordinates:
-            columns[name] = np.concatenate([each.coordinates[name] for each in wanted.values()])
-        described = {name: (RUN, each) for name, each in columns.items()}
-        points = xr.Dataset(coords={RUN: np.arange(sum(sizes)), **described})
-        values = np.concatenate([problem.function(each.points) for each in wanted.values()])
-        described = {RARE_EVENT: str(event), RARE_EVENT_METHOD: design.method}
-        rounds.append(_run(points.assign_attrs(described), values))
-        outcomes = event.outcomes(rounds[-1])
-        following = {}
-        for number, part in zip(
-            wanted, np.split(np.arange(sum(sizes)), np.cumsum(sizes)[:-1]), strict=True
-        ):
-            with suppress(StopIteration):  # it is at its last level
-                made = RunOutcomes(first + part, outcomes.of(part))
-                following[number] = replicates[number].send(made)
-        first += sum(sizes)
-        wanted = following
-    return _estimated(rounds, design)
-
-
-def openturns_answer(problem: Problem, seed: int) -> tuple[int, FloatArray]:
-    """Return what OpenTURNS answers by subset simulation, with as many runs a level in all."""
     import openturns as ot
 
     ot.RandomGenerator.SetSeed(seed)
-    vector = ot.RandomVector(ot.Normal(problem.dimension))
     made = 0
 
     def function(x: Any) -> FloatArray:
@@ -257,10 +212,8 @@ def openturns_answer(problem: Problem, seed: int) -> tuple[int, FloatArray]:
         return problem.function(np.array(x))[:, np.newaxis]
 
     limit_state = ot.PythonFunction(problem.dimension, 1, func_sample=function)
-    output = ot.CompositeRandomVector(limit_state, vector)
-    algorithm = ot.SubsetSampling(ot.ThresholdEvent(output, ot.Less(), 0.0))
-    algorithm.setMaximumOuterSampling(5 * problem.samples // 10)
-    algorithm.setBlockSize(10)
+    output = ot.CompositeRandomVector(limit_state, ot.RandomVector(ot.Normal(problem.dimension)))
+    algorithm = algorithm_of(problem, ot.ThresholdEvent(output, ot.Less(), 0.0), lambda: made)
     algorithm.run()
     result = algorithm.getResult()
     estimate = result.getProbabilityEstimate()
@@ -268,21 +221,20 @@ def openturns_answer(problem: Problem, seed: int) -> tuple[int, FloatArray]:
     return made, np.array([estimate, estimate - half, estimate + half])
 
 
-def openturns_importance_answer(problem: Problem, seed: int) -> tuple[int, FloatArray]:
-    """Return what OpenTURNS answers by draws around the design point that it finds."""
+def openturns_subset(problem: Problem, event: Any, _: Callable[[], int]) -> Any:
+    """Return subset simulation with as many runs a level in all."""
     import openturns as ot
 
-    ot.RandomGenerator.SetSeed(seed)
-    vector = ot.RandomVector(ot.Normal(problem.dimension))
-    made = 0
+    algorithm = ot.SubsetSampling(event)
+    algorithm.setMaximumOuterSampling(5 * problem.samples // 10)
+    algorithm.setBlockSize(10)
+    return algorithm
 
-    def function(x: Any) -> FloatArray:
-        nonlocal made
-        made += len(x)
-        return problem.function(np.array(x))[:, np.newaxis]
 
-    limit_state = ot.PythonFunction(problem.dimension, 1, func_sample=function)
-    event = ot.ThresholdEvent(ot.CompositeRandomVector(limit_state, vector), ot.Less(), 0.0)
+def openturns_importance(problem: Problem, event: Any, made: Callable[[], int]) -> Any:
+    """Return draws around the design point that OpenTURNS finds."""
+    import openturns as ot
+
     start = [0.1] * problem.dimension  # the gradient of a product is 0 at the median
     search = ot.FORM(ot.AbdoRackwitz(), event, start)
     search.run()
@@ -292,28 +244,22 @@ def openturns_importance_answer(problem: Problem, seed: int) -> tuple[int, Float
         ot.StandardEvent(event), ot.ImportanceSamplingExperiment(around)
     )
     algorithm.setBlockSize(100)
-    algorithm.setMaximumOuterSampling(max(1, (RUNS - made) // 100))
+    algorithm.setMaximumOuterSampling(max(1, (RUNS - made()) // 100))
     algorithm.setMaximumCoefficientOfVariation(0.0)
-    algorithm.run()
-    result = algorithm.getResult()
-    estimate = result.getProbabilityEstimate()
-    half = result.getConfidenceLength(LEVEL) / 2
-    return made, np.array([estimate, estimate - half, estimate + half])
+    return algorithm
 
 
 def methods(problem: Problem) -> dict[str, Callable[[int], tuple[int, FloatArray]]]:
     """Return the methods by name, each a function of the seed."""
-    found = {
-        "active-learning": lambda seed: answer(problem, ActiveLearning(EVENT), seed),
-        "subset-simulation": lambda seed: subset_answer(problem, seed),
+    designs = {
+        "active-learning": ActiveLearning(EVENT),
+        "subset-simulation": SubsetSimulation(EVENT, samples=problem.samples),
+        "importance-sampling": ImportanceSampling(EVENT, samples=RUNS // 5),
     }
-    each = RUNS // 5
-    found["importance-sampling"] = lambda seed: answer(
-        problem, ImportanceSampling(EVENT, samples=each), seed
-    )
+    found = {name: partial(answer, problem, each) for name, each in designs.items()}
     if importlib.util.find_spec("openturns"):
-        found["OpenTURNS subset"] = lambda seed: openturns_answer(problem, seed)
-        found["OpenTURNS importance"] = lambda seed: openturns_importance_answer(problem, seed)
+        for name, each in (("subset", openturns_subset), ("importance", openturns_importance)):
+            found[f"OpenTURNS {name}"] = partial(openturns_answer, problem, algorithm_of=each)
     return found
 
 

@@ -24,7 +24,16 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
-from corrected_coverage import FOLDS, FUNCTIONS, QUANTILES, Function, Problem, _fit, _predicted
+from corrected_coverage import (
+    FOLDS,
+    FUNCTIONS,
+    QUANTILES,
+    Function,
+    Problem,
+    _corrected,
+    _fit,
+    _predicted,
+)
 from scipy import special
 from seed_table import FEWEST, LOWEST, Case, Row, SeedTable, lines, per_cent, totals
 
@@ -32,9 +41,6 @@ from uqpen.core.labels import RUN, STATUS, WEIGHT
 from uqpen.core.model import Output, Results
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
-from uqpen.statistics.estimate import Estimate
-from uqpen.statistics.surrogate.corrected_cdf import CorrectedCdf
-from uqpen.statistics.surrogate.corrected_moments import CorrectedMoments
 from uqpen.statistics.surrogate.correction_runs import CorrectionRuns
 from uqpen.surrogates.fitting import CrossFit
 from uqpen.surrogates.refinement import RefinedOutput, place, predicted_errors
@@ -46,6 +52,7 @@ PLAIN, MEAN, PROBABILITIES = "plain draws", "for the mean", "for probabilities"
 FIRST, ROUNDS = 100, (50, 75, 75)
 CANDIDATES = 64
 EXCEEDED = {"P 0.14": 0, "P 0.05": 1}
+STATISTICS = ("mean", "std", *EXCEEDED, *(f"quantile {p:g}" for p in QUANTILES))
 SUMS = ("intervals", "covers", "width", "ratio", "placed")
 
 
@@ -159,20 +166,6 @@ def _evidence(
     )
 
 
-def _estimates(runs: CorrectionRuns, thresholds: FloatArray) -> Iterator[tuple[str, Estimate]]:
-    moments = CorrectedMoments(runs)
-    yield "mean", moments.mean()
-    yield "std", moments.std()
-    cdf = CorrectedCdf(runs)
-    above = cdf.above(thresholds)
-    for name, number in EXCEEDED.items():
-        ends = above.value[number], above.lower[number], above.upper[number]
-        yield name, Estimate(*ends, "", "discrete")
-    ends = cdf.quantile(QUANTILES)
-    for p, value, lower, upper in zip(QUANTILES, *ends, strict=True):
-        yield f"quantile {p:g}", Estimate(value, lower, upper, "", "discrete")
-
-
 def _designs(
     problem: Problem, thresholds: FloatArray, seed: int
 ) -> Iterator[tuple[str, _Runs, np.random.Generator]]:
@@ -200,8 +193,10 @@ def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
     for seed in seeds:
         plain: dict[str, float] = {}
         for design, runs, rng in _designs(problem, truth.thresholds, seed):
-            found = dict(_estimates(_evidence(problem, runs, rng, seed % 2), truth.thresholds))
-            for statistic, estimate in found.items():
+            evidence = _evidence(problem, runs, rng, seed % 2)
+            found = dict(_corrected(evidence, truth))
+            for statistic in STATISTICS:
+                estimate = found[statistic]
                 count = counts[design, statistic]
                 count["placed"] += int((runs.weights != 1).sum())
                 width = estimate.upper - estimate.lower
@@ -230,13 +225,12 @@ def _failing(rows: Sequence[Row]) -> Iterator[str]:
 
 def _page(rows: Sequence[Row]) -> Iterator[str]:
     cells = _cells(rows)
-    statistics = list(dict.fromkeys(statistic for *_, statistic in cells))
     of = []
     for name, design in product(STUDIED, (PLAIN, MEAN, PROBABILITIES)):
-        if first := cells.get((name, design, statistics[0])):
-            texts = (_text(cells.get((name, design, each))) for each in statistics)
+        if first := cells.get((name, design, STATISTICS[0])):
+            texts = (_text(cells.get((name, design, each))) for each in STATISTICS)
             of.append([STUDIED[name].title, design, f"{first.placed / first.count:.0f}", *texts])
-    yield from lines(["function", "runs", "placed", *statistics], of)
+    yield from lines(["function", "runs", "placed", *STATISTICS], of)
     fewest = min(cell.count for cell in cells.values())
     error = 100 * math.sqrt(0.95 * 0.05 / fewest)
     yield ""

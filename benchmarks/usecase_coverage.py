@@ -24,7 +24,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 from scipy import special, stats
-from seed_table import Case, Row, SeedTable, lines, totals
+from seed_table import Case, Row, SeedTable, lines, per_cent, totals
 from skewed_coverage import DESIGNS as DESIGNS_OF_SKEWED
 from skewed_coverage import OUTPUT, Design
 
@@ -75,39 +75,27 @@ STATISTICS = {
     "first_order": "first-order index",
 }
 
+_HYPERCUBE = "latin-hypercube 10 × 100"
+_SKEWED = DESIGNS_OF_SKEWED | {
+    _HYPERCUBE: DESIGNS_OF_SKEWED["latin-hypercube 10 × 20"]._replace(points=100)
+}
 DESIGNS: dict[str, Design] = {
-    name: DESIGNS_OF_SKEWED[name] for name in ("monte-carlo 200", "monte-carlo 2 000")
-}
-DESIGNS |= {
-    "latin-hypercube 10 × 20": DESIGNS_OF_SKEWED["latin-hypercube 10 × 20"],
-    "latin-hypercube 10 × 100": DESIGNS_OF_SKEWED["latin-hypercube 10 × 20"]._replace(points=100),
-}
-DESIGNS |= {
-    name: DESIGNS_OF_SKEWED[name]
-    for name in ("sobol-sequence 1 024", "sobol-sequence 8 192", "halton 1 024")
+    name: _SKEWED[name]
+    for name in (
+        *("monte-carlo 200", "monte-carlo 2 000", "latin-hypercube 10 × 20", _HYPERCUBE),
+        *("sobol-sequence 1 024", "sobol-sequence 8 192", "halton 1 024"),
+    )
 }
 
 
 @dataclass(frozen=True)
 class UseCase:
-    """A model of OpenTURNS under the distribution of its inputs.
-
-    Parameters
-    ----------
-    name : str
-        Of its class.
-    distribution : openturns.Distribution
-        Joint distribution of the inputs.
-    inputs : callable
-        Inputs at points of the unit cube, as an OpenTURNS sample; shape (point, input).
-    model : openturns.Function
-        Outputs at such inputs; shape (point, output).
-    """
+    """A model of OpenTURNS under the distribution of its inputs, by the name of its class."""
 
     name: str
-    distribution: Any
-    inputs: Callable[[FloatArray], Any]
-    model: Any
+    distribution: Any  # openturns.Distribution
+    inputs: Callable[[FloatArray], Any]  # from points of the unit cube to an openturns.Sample
+    model: Any  # openturns.Function
 
     @property
     def outputs(self) -> list[str]:
@@ -130,22 +118,12 @@ class UseCase:
 
 @dataclass(frozen=True)
 class Truth:
-    """True values of an output's statistics, with the standard errors of these.
+    """True values of an output's statistics, with the standard errors of these."""
 
-    Parameters
-    ----------
-    values, errors : mapping of str to float
-        By statistic. A value may be infinite, or NaN where it does not exist.
-    threshold : float
-        Its 95 % point.
-    driver : int
-        The input with the largest rank correlation, whose sensitivity measures are looked at.
-    """
-
-    values: Mapping[str, float]
+    values: Mapping[str, float]  # infinite, or NaN, where a statistic does not exist
     errors: Mapping[str, float]
-    threshold: float
-    driver: int
+    threshold: float  # its 95 % point
+    driver: int  # the input with the largest rank correlation, whose measures are looked at
 
 
 class Cell(NamedTuple):
@@ -350,56 +328,30 @@ TITLES = {
 }
 
 
-class Count(NamedTuple):
-    """A number of intervals, and how many of them cover."""
-
-    intervals: int
-    covers: int
-
-    @classmethod
-    def of(cls, rows: Sequence[Row], *notes: str) -> Count:
-        """Return the intervals with some notes in some rows."""
-        return cls(
-            sum(row[note] for row in rows for note in notes),
-            sum(row[f"{note}_covers"] for row in rows for note in notes),
-        )
-
-    @property
-    def coverage(self) -> float:
-        """Share that covers."""
-        return self.covers / self.intervals
-
-    @property
-    def probability(self) -> float:
-        """Probability that so few cover, if each did with the nominal one."""
-        return float(stats.binom.cdf(self.covers, self.intervals, NOMINAL))
-
-    def text(self) -> str:
-        """Coverage in per cent, number of intervals and probability."""
-        if not self.intervals:
-            return "none"
-        return f"{100 * self.coverage:.1f} of {self.intervals}, {self.probability:.2g}"
+def _count(rows: Sequence[Row], *notes: str) -> tuple[int, int]:
+    """Return the number of intervals with some notes in some rows, and how many cover."""
+    intervals = sum(row[note] for row in rows for note in notes)
+    return intervals, sum(row[f"{note}_covers"] for row in rows for note in notes)
 
 
-class Failure(NamedTuple):
-    """A cell that fails, or all cells together."""
-
-    cell: str
-    count: Count
-
-    def text(self) -> str:
-        """The cell with its figures."""
-        return f"{self.cell}: {self.count.text()}"
+def _text(intervals: int, covers: int) -> str:
+    """Coverage, number of intervals, and the probability that so few of these cover by chance."""
+    if not intervals:
+        return "none"
+    probability = stats.binom.cdf(covers, intervals, NOMINAL)
+    return f"{per_cent(covers, intervals)} of {intervals}, {probability:.2g}"
 
 
-def _failures(rows: Sequence[Row]) -> Iterator[Failure]:
+def _failing(every: Sequence[Row]) -> Iterator[str]:
+    rows = _that_exist(every)
     for note, statistic, design in product(NOTES, STATISTICS, DESIGNS):
-        count = Count.of(_select(rows, statistic, design), note)
-        if count.intervals and count.probability < SMALLEST_PROBABILITY:
-            yield Failure(f"{design}, {STATISTICS[statistic]}, {TITLES[note]}", count)
-    count = Count.of(rows, *NOTES)
-    if count.coverage < LOWEST_OF_ALL:
-        yield Failure("all together", count)
+        intervals, covers = _count(_select(rows, statistic, design), note)
+        if intervals and stats.binom.cdf(covers, intervals, NOMINAL) < SMALLEST_PROBABILITY:
+            where = f"{design}, {STATISTICS[statistic]}, {TITLES[note]}"
+            yield f"{where}: {_text(intervals, covers)}"
+    intervals, covers = _count(rows, *NOTES)
+    if covers < LOWEST_OF_ALL * intervals:
+        yield f"all together: {_text(intervals, covers)}"
 
 
 def _that_exist(rows: Sequence[Row]) -> list[Row]:
@@ -417,20 +369,26 @@ def _select(rows: Sequence[Row], statistic: str, design: str) -> list[Row]:
 
 def _page(every: Sequence[Row]) -> Iterator[str]:
     rows = _that_exist(every)
-    for note in NOTES:
-        if Count.of(rows, note).intervals:
-            yield from _table(rows, note)
+    for note, title in TITLES.items():
+        of = {}
+        for statistic in STATISTICS:
+            found = [_count(_select(rows, statistic, design), note) for design in DESIGNS]
+            if any(intervals for intervals, _ in found):
+                of[STATISTICS[statistic]] = [_text(*each) for each in found]
+        if of:
+            yield from lines([title, *DESIGNS], ([name, *texts] for name, texts in of.items()))
             yield ""
-    by_note = {title: Count.of(rows, note) for note, title in TITLES.items()}
-    for title, count in {**by_note, "all together": Count.of(rows, *NOTES)}.items():
-        if count.intervals:
-            yield f"- {title}: {100 * count.coverage:.2f} % of {count.intervals} intervals"
+    groups = [(title, (note,)) for note, title in TITLES.items()]
+    for title, notes in [*groups, ("all together", tuple(NOTES))]:
+        intervals, covers = _count(rows, *notes)
+        if intervals:
+            yield f"- {title}: {100 * covers / intervals:.2f} % of {intervals} intervals"
     yield ""
-    failures = list(_failures(rows))
+    failures = list(_failing(every))
     yield "Cells that fail:" if failures else "No cell fails."
     yield ""
     if failures:
-        yield from (f"- {failure.text()}" for failure in failures)
+        yield from (f"- {failure}" for failure in failures)
         yield ""
     yield from _of_infinite_variances([row for row in every if _is_infinite(row)])
     largest = max(row["relative_error"] for row in rows)
@@ -447,7 +405,7 @@ def _of_infinite_variances(rows: Sequence[Row]) -> Iterator[str]:
     """State how many samples get an interval of a standard deviation that is infinite."""
     if not rows:
         return
-    given = {design: Count.of(_select(rows, "std", design), *NOTES).intervals for design in DESIGNS}
+    given = {design: _count(_select(rows, "std", design), *NOTES)[0] for design in DESIGNS}
     samples = sum(row["count"] for row in rows) // len(DESIGNS)
     texts_of = ", ".join(f"{count} with {design}" for design, count in given.items())
     yield (
@@ -457,21 +415,12 @@ def _of_infinite_variances(rows: Sequence[Row]) -> Iterator[str]:
     yield ""
 
 
-def _table(rows: Sequence[Row], note: str) -> Iterator[str]:
-    of = []
-    for statistic, title in STATISTICS.items():
-        counts = [Count.of(_select(rows, statistic, design), note) for design in DESIGNS]
-        if any(count.intervals for count in counts):
-            of.append([title, *(count.text() for count in counts)])
-    yield from lines([TITLES[note], *DESIGNS], of)
-
-
 TABLE = SeedTable(
     ("case", "design"),
     lambda: product((each.name for each in use_cases()), DESIGNS),
     _rows,
     {"use cases": _page},
-    lambda rows: (each.text() for each in _failures(_that_exist(rows))),
+    _failing,
     seeds=20,
     at_once=20,
 )

@@ -26,8 +26,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import numpy as np
 import numpy.typing as npt
 from program import Erode, compile_limit, find_compiler
+from reference import admissible_points, dop853, worst_error
 from seed_table import fill
-from solver import admissible_points, dop853, worst_error
 
 from uqpen.models import walker_anderson
 from uqpen.models.walker_anderson import DEFAULT_TOLERANCE, WalkerAnderson, erode

@@ -5,8 +5,7 @@ import pytest
 import xarray as xr
 
 from uqpen.core.model import Dimension, Output
-from uqpen.models.function_outputs import extract_outputs
-from uqpen.models.run_grid import RunGrid, UnusableOutputError
+from uqpen.models.run_grid import RunGrid, UnusableOutputError, extract_outputs
 
 TIME = Dimension("time", "s", display_unit="ms", values=(0.0, 0.001, 0.003))
 LEVEL = Dimension("level", "1", values=(1.0, 2.0))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from uqpen.benchmark.statistics import BenchmarkStatistic
+from uqpen.benchmark.methods import BenchmarkStatistic
 from uqpen.core.errors import SettingsError
 from uqpen.core.streams import Stream
 from uqpen.designs.one_at_a_time import OneAtATime
@@ -209,6 +209,12 @@ def test_the_runs_that_do_are_those_of_the_formula(line):
 def test_a_default_number_of_repeats_is_what_fits_five_minutes(seconds, repeats):
     assert RehearsalSettings().affordable_repeats(seconds) == repeats
     assert RehearsalSettings(repeats=50).affordable_repeats(seconds) == 50
+
+
+def test_designs_are_compared_at_8_runs_and_more():
+    assert RehearsalSettings(runs=8).runs == 8
+    with pytest.raises(SettingsError, match="expected a whole number, at least 8"):
+        RehearsalSettings(runs=7)
 
 
 def test_a_study_whose_points_stay_has_nothing_to_rehearse(line):

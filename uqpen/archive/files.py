@@ -77,10 +77,7 @@ class ArchivedFile:
     def read(self) -> bytes:
         """Return the content of the file.
 
-        Raises
-        ------
-        ArchiveError
-            If the content does not match the archived hash and size.
+        ArchiveError if the content does not match the archived hash and size.
         """
         try:
             content = {
@@ -194,25 +191,24 @@ class ExtractedFiles(NamedTuple):
 
 @contextlib.contextmanager
 def extract_files(files: Sequence[ArchivedFile], other_folder: Path) -> Iterator[ExtractedFiles]:
-    """Provide an archive's files in a temporary folder.
+    """Provide an archive's files in a temporary folder, and write nothing outside it.
 
-    Parameters
-    ----------
-    files : sequence of ArchivedFile
-        Nothing is written outside the temporary folder, whatever their names are.
-    other_folder : Path
-        Folder with the files that the archive has only as hashes.
+    Files that the archive has only as hashes are taken from another folder.
 
-    Raises
-    ------
-    ArchiveError
-        If a name is not that of a file in the study's folder or next to it, a file does not match
-        its hash, or two files cannot be in one folder.
+    ArchiveError if a name is not that of a file in the study's folder or next to it, a file does
+    not match its hash, or two files cannot be in one folder.
     """
     paths = {file: _path_parts(file.name) for file in files}
     # As far down as files are further up, so that these are in the folder as well.
     depth = max((parts.count(_UP) for parts in paths.values()), default=0)
-    with _fresh_folder() as root:
+    try:
+        # That only this user can read; it is removed in the end with its content.
+        fresh = tempfile.TemporaryDirectory(prefix="uqpen_", ignore_cleanup_errors=True)
+    except OSError as error:
+        raise ArchiveError(f"no folder for the archive's files: {error.strerror}") from None
+    with fresh as name:
+        # Not by way of a link: a model's modules are known by where they lie.
+        root = Path(name).resolve()
         study = root.joinpath(*["study"] * (depth + 1))
         study.mkdir(parents=True)
         missing = []
@@ -223,18 +219,6 @@ def extract_files(files: Sequence[ArchivedFile], other_folder: Path) -> Iterator
             else:
                 _write_new(content, _make_folders(root, study, parts), file.name)
         yield ExtractedFiles(study, missing)
-
-
-@contextlib.contextmanager
-def _fresh_folder() -> Iterator[Path]:
-    """Provide a folder that only this user can read; it is removed in the end with its content."""
-    try:
-        folder = tempfile.TemporaryDirectory(prefix="uqpen_", ignore_cleanup_errors=True)
-    except OSError as error:
-        raise ArchiveError(f"no folder for the archive's files: {error.strerror}") from None
-    with folder as name:
-        # Not by way of a link: a model's modules are known by where they lie.
-        yield Path(name).resolve()
 
 
 def _path_parts(name: str) -> tuple[str, ...]:

@@ -36,7 +36,13 @@ def group_hashes(tree: xr.DataTree) -> dict[str, str]:
     same in memory as in the file, and on every platform. The root's leaves out only the record of
     these hashes.
     """
-    return {node.path: _group_hash(node.to_dataset(inherit=False)) for node in tree.subtree}
+    found = {}
+    for node in tree.subtree:
+        digest = hashlib.sha256()
+        for chunk in _canonical_bytes(node.to_dataset(inherit=False)):
+            digest.update(chunk)
+        found[node.path] = digest.hexdigest()
+    return found
 
 
 def hash_record(tree: xr.DataTree) -> dict[str, str]:
@@ -52,13 +58,6 @@ def recorded_hashes(tree: xr.DataTree) -> dict[str, str]:
         return {}
     pairs = (line.partition("  ") for line in record.split("\n"))
     return {path: digest for digest, _, path in pairs}
-
-
-def _group_hash(dataset: xr.Dataset) -> str:
-    digest = hashlib.sha256()
-    for chunk in _canonical_bytes(dataset):
-        digest.update(chunk)
-    return digest.hexdigest()
 
 
 def _canonical_bytes(dataset: xr.Dataset) -> Iterator[bytes | memoryview]:

@@ -7,7 +7,7 @@ declaration in `GROUPS`; then what one group says of another is.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import chain
 from typing import Any
 
@@ -28,15 +28,27 @@ from uqpen.archive.groups import (
 )
 from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.blocks import block_ranges, is_true_by_blocks
-from uqpen.core.catalogue import DIMENSIONS, REQUESTED_DIMENSIONS
+from uqpen.core.catalogue import (
+    BENCHMARK_STATISTICS,
+    CATALOGUE,
+    COMPARISON_DIMENSIONS,
+    COMPARISON_STATISTICS,
+    DIMENSIONS,
+    METHOD_STATISTICS,
+    REQUESTED_DIMENSIONS,
+    comparison_statistics,
+    method_statistics,
+)
 from uqpen.core.errors import QuantityError
 from uqpen.core.labels import (
     ABSENT,
     AXIS_SCALE,
     BOUND,
     BOUNDS,
+    BUDGET,
     CAVEAT,
     CITED,
+    COMPARISON_GROUP,
     CONDITIONAL,
     CONFIDENCE_LEVEL,
     CONTRADICTION,
@@ -63,14 +75,21 @@ from uqpen.core.labels import (
     NOTE,
     PROBABILITY,
     RECIPE,
+    REFERENCE,
     REFUTED,
+    REPEAT,
+    REPLICATED,
+    REPLICATES_OF_BUDGET,
     ROLE,
     ROUND,
     RUN,
     RUNS,
     RUNS_ABSENT,
+    RUNS_OF_BUDGET,
     RUNS_SPENT,
     SAMPLING,
+    SINGLE,
+    SOURCE,
     SOURCE_KIND,
     STATISTICS_GROUP,
     STATUS,
@@ -78,6 +97,8 @@ from uqpen.core.labels import (
     STOPPING_STATISTICS,
     SURROGATES,
     TRAJECTORY,
+    VARIANT,
+    VARIANTS,
     WEIGHT,
 )
 from uqpen.core.lookup import resolve
@@ -89,6 +110,7 @@ from uqpen.core.variables import MOST_DIMENSIONS
 
 __all__ = [
     "find_attribute_faults",
+    "find_comparison_faults",
     "find_dataset_faults",
     "find_difference_faults",
     "find_faults",
@@ -99,13 +121,13 @@ __all__ = [
     "find_source_faults",
     "find_surrogate_faults",
     "has_kind",
+    "reference_name",
 ]
+
 
 _ROOT = ("title", "study_text", "study_sha256", "seed")
 # Python reads no number of more digits from a text.
 _SEED = re.compile(r"[0-9]{1,4300}\Z")
-# The check of an archive of methods at equal budgets.
-_COMPARISON_CHECK = "uqpen.archive.comparison:find_comparison_faults"
 
 # What an attribute of some name is, wherever it stands.
 _ATTRIBUTES = {
@@ -144,7 +166,7 @@ def find_faults(tree: xr.DataTree) -> Iterator[str]:
     if KIND not in tree.attrs:
         yield from _study_faults(tree)
     elif is_benchmark(tree):
-        yield from resolve(_COMPARISON_CHECK)(tree)
+        yield from find_comparison_faults(tree)
     else:
         yield f'of kind "{tree.attrs[KIND]}", which this uqpen does not know'
     yield from _declared_faults(tree, is_of_model=False)
@@ -196,16 +218,10 @@ def find_attribute_faults(tree: xr.DataTree) -> Iterator[str]:
                 kind = _ATTRIBUTES.get(str(name))
                 if kind and not (np.ndim(value) == 0 and has_kind(value, kind)):
                     yield f"{place}: {name} is no {kind}"
-            if not _is_unit(attributes.get("display_units", "1")):
+            try:
+                scale(str(attributes.get("display_units", "1")))
+            except QuantityError:
                 yield f"{place}: display_units that are no unit"
-
-
-def _is_unit(text: object) -> bool:
-    try:
-        scale(str(text))
-    except QuantityError:
-        return False
-    return True
 
 
 def has_kind(values: npt.ArrayLike, kind: str) -> bool:
@@ -214,19 +230,13 @@ def has_kind(values: npt.ArrayLike, kind: str) -> bool:
     return (np.asarray(values).dtype if known is None else known).kind in _KINDS[kind]
 
 
-def _has_bound_names(dataset: xr.Dataset) -> bool:
-    """Return True if a dataset names the bounds of its estimates."""
-    # Not dataset[BOUND]: building a DataArray takes most of the time of these checks.
-    return BOUND in dataset.coords and dataset.variables[BOUND].values.tolist() == list(BOUNDS)
-
-
 def find_level_faults(tree: xr.DataTree) -> Iterator[str]:
     """Yield the intervals whose level is no probability, a line each."""
     for node in tree.subtree:
         for name, variable in node.to_dataset(inherit=False).variables.items():
-            if INTERVAL_LEVEL not in variable.attrs:
+            level = variable.attrs.get(INTERVAL_LEVEL)
+            if level is None:
                 continue
-            level = variable.attrs[INTERVAL_LEVEL]
             if np.ndim(level) or not has_kind(level, "number") or not 0 < level < 1:
                 yield f"{node.path}/{name}: {INTERVAL_LEVEL} is no probability"
 
@@ -296,7 +306,8 @@ def _field_faults(
 def _interval_faults(dataset: xr.Dataset, name: str) -> Iterator[str]:
     """Find what is wrong with the bounds of a statistic, and with the texts on them."""
     variable = dataset.variables[name]
-    if not _has_bound_names(dataset):
+    # Not dataset[BOUND]: building a DataArray takes most of the time of these checks.
+    if BOUND not in dataset.coords or dataset.variables[BOUND].values.tolist() != list(BOUNDS):
         yield f"{name}: not the bounds of an estimate"
     elif not has_interval_texts(dataset, name):
         yield f"{name}: does not say how its interval was made"
@@ -304,10 +315,9 @@ def _interval_faults(dataset: xr.Dataset, name: str) -> Iterator[str]:
         yield f"{name}: not the bounds of an estimate"
     for beside in correction_names(name):
         found = dataset.variables.get(beside)
-        if found is not None and (found.dims, True) != (
-            variable.dims[:-1],
-            has_kind(found, "number"),
-        ):
+        if found is None:
+            continue
+        if found.dims != variable.dims[:-1] or not has_kind(found, "number"):
             yield f"{beside} is not of a number for each entry of {name}"
 
 
@@ -343,34 +353,29 @@ def find_run_faults(node: xr.DataTree) -> Iterator[str]:
 
 def _run_faults(runs: xr.Dataset) -> Iterator[str]:
     yield from find_field_faults(runs)
-    status = runs.variables.get(STATUS)
+    status, numbers = runs.variables.get(STATUS), runs.variables.get(RUN)
     if status is None or status.dims != (RUN,):
         yield f"no {STATUS} along {RUN}"
     elif not is_true_by_blocks(lambda found: np.isin(found, list(Status)).all(), status):
         yield f"a {STATUS} that is none"
     if str(runs.attrs.get(SAMPLING)) not in list(Sampling):
         yield f"no {SAMPLING} that is known"
-    if RUN not in runs.coords or not has_kind(runs[RUN], "count"):
+    if numbers is None or RUN not in runs.coords or not has_kind(numbers, "count"):
         yield f"no {RUN} numbers"
-    elif not is_true_by_blocks(
-        lambda run: (np.diff(run) > 0).all(), runs.variables[RUN], overlap=1
-    ):
+    elif not is_true_by_blocks(lambda run: (np.diff(run) > 0).all(), numbers, overlap=1):
         yield f"{RUN} numbers that do not ascend"
-    elif WEIGHT in runs.coords and not _has_weights(runs[WEIGHT]):
+    elif WEIGHT in runs.coords and not _has_weights(runs.variables[WEIGHT]):
         yield f"a {WEIGHT} that is none"
     elif FAILURE_REASON in runs and not _has_failed_run_reasons(runs):
         yield f"reasons without a {FAILED_RUN}"
 
 
-def _has_weights(weights: xr.DataArray) -> bool:
+def _has_weights(weights: xr.Variable) -> bool:
     """Return True if every run has a weight, and some run counts."""
     if weights.dims != (RUN,) or not has_kind(weights, "number"):
         return False
-    if not is_true_by_blocks(
-        lambda each: (np.isfinite(each) & (each >= 0)).all(), weights.variable
-    ):
-        return False
-    return not is_true_by_blocks(lambda each: (each <= 0).all(), weights.variable)
+    is_weight = is_true_by_blocks(lambda each: (np.isfinite(each) & (each >= 0)).all(), weights)
+    return is_weight and not is_true_by_blocks(lambda each: (each <= 0).all(), weights)
 
 
 def _has_failed_run_reasons(runs: xr.Dataset) -> bool:
@@ -402,31 +407,27 @@ def find_field_faults(runs: xr.Dataset) -> Iterator[str]:
         elif not has_kind(variable, "number"):
             yield f"{name} is not of numbers"
     for dimension in sorted(dimensions):
-        if fault := _coordinate_fault(runs, dimension):
-            yield fault
-
-
-def _coordinate_fault(runs: xr.Dataset, dimension: str) -> str:
-    if dimension not in runs.coords or not has_kind(runs[dimension], "number"):
-        return f"no coordinates along {dimension}"
-    values = runs[dimension].values
-    if not np.isfinite(values).all() or not (np.diff(values) > 0).all():
-        return f"coordinates along {dimension} that do not ascend"
-    return "" if "units" in runs[dimension].attrs else f"no units of {dimension}"
+        if dimension not in runs.coords or not has_kind(runs[dimension], "number"):
+            yield f"no coordinates along {dimension}"
+            continue
+        values = runs[dimension].values
+        if not np.isfinite(values).all() or not (np.diff(values) > 0).all():
+            yield f"coordinates along {dimension} that do not ascend"
+        elif "units" not in runs[dimension].attrs:
+            yield f"no units of {dimension}"
 
 
 def find_source_faults(node: xr.DataTree) -> Iterator[str]:
     """Yield the faults of the sources of statistics: other entries than elsewhere, attributes."""
     yield from _entry_faults(node)
     for name, source in node.children.items():
-        kind = source.attrs.get(SOURCE_KIND)
         needed = {"design": (RUNS_SPENT,), "surrogate": (RUNS_SPENT, "check"), "publication": ()}
+        kind = source.attrs.get(SOURCE_KIND)
         if kind not in needed:
             yield f"/{name}: of no kind that is known"
-        else:
-            for key in needed[str(kind)]:
-                if key not in source.attrs:
-                    yield f"/{name}: no {key}"
+        for key in needed.get(str(kind), ()):
+            if key not in source.attrs:
+                yield f"/{name}: no {key}"
 
 
 def _entry_faults(node: xr.DataTree) -> Iterator[str]:
@@ -497,13 +498,12 @@ def find_model_faults(tree: xr.DataTree) -> Iterator[str]:
                 yield f"/{group}/{name}: {fault}"
         yield from (f"/{RUNS}/{name}: {fault}" for fault in _variable_faults(runs))
     yield from (f"/{TRAJECTORY}: {fault}" for fault in _trajectory_faults(tree, known))
-    yield from _fit_faults(tree, known)
-    yield from _origin_faults(tree, known)
+    yield from _fit_faults(tree, known, list(designs))
+    yield from _origin_faults(tree, known, inputs)
 
 
-def _fit_faults(tree: xr.DataTree, known: dict[str, bool]) -> Iterator[str]:
+def _fit_faults(tree: xr.DataTree, known: dict[str, bool], designs: Sequence[str]) -> Iterator[str]:
     """Find surrogates of runs or outputs that the archive does not have."""
-    designs = group_names(tree, RUNS)
     for name in group_names(tree, SURROGATES):
         attributes = tree.children[SURROGATES].children[name].attrs
         if attributes.get("design") not in designs:
@@ -515,9 +515,8 @@ def _fit_faults(tree: xr.DataTree, known: dict[str, bool]) -> Iterator[str]:
                 yield f"/{SURROGATES}/{name}: of {output}, which is no output of the runs"
 
 
-def _origin_faults(tree: xr.DataTree, known: dict[str, bool]) -> Iterator[str]:
+def _origin_faults(tree: xr.DataTree, known: dict[str, bool], inputs: set[str]) -> Iterator[str]:
     """Find statistics of runs, surrogates, outputs or inputs that the archive does not have."""
-    inputs = {name for name, is_output in known.items() if not is_output}
     groups = {"design": RUNS, "surrogate": SURROGATES}
     sources = group_names(tree, STATISTICS_GROUP)
     for group in groups.values():
@@ -569,9 +568,14 @@ def _variable_faults(runs: xr.Dataset) -> Iterator[str]:
             yield f"{name} does not lie along {RUN}"
 
 
+def _has_flags(variable: xr.Variable) -> bool:
+    words = str(variable.attrs["flag_meanings"]).split()
+    labels = np.atleast_1d(variable.attrs.get("flag_labels", words))
+    return np.size(variable.attrs.get("flag_values", ())) == len(words) == len(labels)
+
+
 def _is_finite(variable: xr.Variable, status: xr.Variable) -> bool:
-    # A curve may end before its dimension does; it is NaN from there.
-    # A derived number may be one that some runs do not have; it is NaN in them, too.
+    # NaN is the value behind the end of a curve, and of a derived number that a run does not have.
     may_be_nan = variable.ndim == 2 or ABSENT in variable.attrs
 
     def is_finite(values: FloatArray, statuses: IntArray) -> bool:
@@ -579,12 +583,6 @@ def _is_finite(variable: xr.Variable, status: xr.Variable) -> bool:
         return bool((np.isfinite(completed) | (may_be_nan & np.isnan(completed))).all())
 
     return is_true_by_blocks(is_finite, variable, status)
-
-
-def _has_flags(variable: xr.Variable) -> bool:
-    words = str(variable.attrs["flag_meanings"]).split()
-    labels = np.atleast_1d(variable.attrs.get("flag_labels", words))
-    return np.size(variable.attrs.get("flag_values", ())) == len(words) == len(labels)
 
 
 def _trajectory_faults(tree: xr.DataTree, known: dict[str, bool]) -> Iterator[str]:
@@ -603,3 +601,112 @@ def _trajectory_faults(tree: xr.DataTree, known: dict[str, bool]) -> Iterator[st
             np.ndim(value) == 0 and has_kind(value, "number")
         ):
             yield f"{name} is not a number"
+
+
+# A group by the names on its path.
+_Path = tuple[str, ...]
+
+# Labels along dimensions, by the output that has them in common; empty for all outputs.
+_Labels = dict[tuple[str, str], list[Any]]
+
+
+def reference_name(tree: xr.DataTree) -> str:
+    """Return the name of the source that errors are measured from."""
+    kinds = {
+        name: read_group(tree, STATISTICS_GROUP, name).attrs.get(SOURCE_KIND)
+        for name in group_names(tree, STATISTICS_GROUP)
+    }
+    return next((name for name, kind in kinds.items() if kind == REFERENCE), REFERENCE)
+
+
+def find_comparison_faults(tree: xr.DataTree) -> Iterator[str]:
+    """Yield a line for each fault of such an archive."""
+    reference = reference_name(tree)
+    methods = [name for name in group_names(tree, STATISTICS_GROUP) if name != reference]
+    if not methods:
+        yield f"/{STATISTICS_GROUP}: no method that was given runs"
+    for source, texts in {reference: (), **dict.fromkeys(methods, (SOURCE, VARIANTS))}.items():
+        attributes = read_group(tree, STATISTICS_GROUP, source).attrs
+        if RUNS_SPENT not in attributes or not all(
+            isinstance(attributes.get(name), str) for name in texts
+        ):
+            yield f"/{STATISTICS_GROUP}/{source}: no {', '.join((RUNS_SPENT, *texts))}"
+    outputs = group_names(tree, COMPARISON_GROUP)
+    if not outputs:
+        yield f"no {COMPARISON_GROUP}"
+    known: _Labels = {("", VARIANT): [SINGLE, REPLICATED]}
+    for output in outputs:
+        yield from _output_faults(tree, output, methods, known)
+    budgets = known.get(("", BUDGET), [0])
+    if budgets[0] < 1 or sorted(set(budgets)) != budgets:
+        yield f"/{STATISTICS_GROUP}: numbers of runs that do not ascend from 1"
+
+
+def _output_faults(
+    tree: xr.DataTree, output: str, methods: Sequence[str], known: _Labels
+) -> Iterator[str]:
+    """Yield the faults of the groups of an output; `known` are the labels of others."""
+    truth = (STATISTICS_GROUP, reference_name(tree), output)
+    verdicts = (COMPARISON_GROUP, output)
+    catalogues: dict[_Path, Mapping[str, Statistic]] = {
+        **{(STATISTICS_GROUP, method, output): METHOD_STATISTICS for method in methods},
+        truth: CATALOGUE,
+        verdicts: COMPARISON_STATISTICS,
+    }
+    groups = {path: read_group(tree, *path) for path in catalogues}
+    for path, dataset in groups.items():
+        if not dataset:
+            yield f"{_place(path)}: no statistics"
+            continue
+        for fault in find_dataset_faults(dataset, catalogues[path], COMPARISON_DIMENSIONS):
+            yield f"{_place(path)}: {fault}"
+        for dimension in filter(dataset.indexes.__contains__, COMPARISON_DIMENSIONS):
+            # An output has quantiles and thresholds of its own.
+            of = "" if dimension in (VARIANT, BUDGET, REPEAT) else output
+            found = dataset[dimension].values.tolist()
+            if known.setdefault((of, dimension), found) != found:
+                yield f"{_place(path)}: another {dimension} than elsewhere"
+        if catalogues[path] is METHOD_STATISTICS and not _has_run_counts(dataset):
+            beside = f"{RUNS_OF_BUDGET} and {REPLICATES_OF_BUDGET}"
+            yield f"{_place(path)}: no {beside} along {BUDGET}"
+    if not {"units", "display_units"} <= groups[verdicts].attrs.keys():
+        yield f"{_place(verdicts)}: no units of the output"
+    yield from _missing_statistics(groups, truth, verdicts)
+
+
+def _has_run_counts(dataset: xr.Dataset) -> bool:
+    """Return whether runs and replicates stand beside the budgets, and no runs lack replicates."""
+    if not {RUNS_OF_BUDGET, REPLICATES_OF_BUDGET} <= dataset.coords.keys():
+        return False
+    runs, replicates = dataset[RUNS_OF_BUDGET], dataset[REPLICATES_OF_BUDGET]
+    return bool(np.all((runs.values <= 0) | (replicates.values >= 1)))
+
+
+def _missing_statistics(
+    groups: Mapping[_Path, xr.Dataset], truth: _Path, verdicts: _Path
+) -> Iterator[str]:
+    """Find what the groups of an output lack of the statistics that methods are compared by."""
+    is_compared = False
+    for statistic in BENCHMARK_STATISTICS:
+        needed = {path: [each.name for each in method_statistics(statistic)] for path in groups}
+        needed[truth] = [statistic.name]
+        needed[verdicts] = [each.name for each in comparison_statistics(statistic)]
+        missing = {
+            path: [n for n in names if n not in groups[path]] for path, names in needed.items()
+        }
+        # The reference has statistics besides.
+        if all(missing[path] == needed[path] for path in groups if path != truth):
+            continue
+        is_compared = True
+        for path, names in missing.items():
+            yield from (f"{_place(path)}: no {name}" for name in names)
+        if not missing[truth]:
+            used = groups[truth][statistic.name].attrs.get("runs_used", "")
+            if not has_kind(used, "count"):
+                yield f"{_place(truth)}: no runs_used of {statistic.name}"
+    if not is_compared:
+        yield f"{_place(verdicts)}: no statistic that methods are compared by"
+
+
+def _place(path: _Path) -> str:
+    return f"/{'/'.join(path)}"

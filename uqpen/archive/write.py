@@ -25,10 +25,8 @@ _DIGITS = 8
 def prepare_destination(path: Path) -> None:
     """Make sure, before any model runs, that an archive can be written.
 
-    Raises
-    ------
-    ArchiveError
-        If `path` is a folder or a file of another kind, or its folder cannot be written to.
+    ArchiveError if `path` is a folder or a file of another kind, or its folder cannot be written
+    to.
     """
     try:
         if path.is_dir():
@@ -127,15 +125,10 @@ def _remove_leftovers(path: Path) -> None:
     place = Path(os.path.realpath(path))
     for part in place.parent.glob(f".{glob.escape(place.name)}.*.part"):
         process = part.suffixes[-2].removeprefix(".")
-        if process.isdecimal() and not _is_running(int(process)):
-            part.unlink(missing_ok=True)
-
-
-def _is_running(process: int) -> bool:
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except OSError:  # it runs, and is somebody else's
-        return True
-    return True
+        if process.isdecimal():
+            try:
+                os.kill(int(process), 0)
+            except ProcessLookupError:
+                part.unlink(missing_ok=True)
+            except OSError:  # it runs, and is somebody else's
+                continue

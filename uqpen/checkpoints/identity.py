@@ -132,8 +132,6 @@ def compared_names(
 
     Parameters
     ----------
-    model : ModelIdentity
-        The model.
     lines : iterable of str
         What the runs depend on, as in `Results.files`.
 

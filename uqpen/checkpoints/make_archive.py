@@ -23,7 +23,6 @@ from uqpen.checkpoints.sources import (
     PointIndex,
     RunFinder,
     RunSource,
-    first_points,
     input_columns,
     open_archives,
     sources_of_archives,
@@ -402,8 +401,6 @@ def runs_not_kept(study: ValidatedStudy, archive: xr.DataTree) -> dict[str, str]
     ----------
     study : ValidatedStudy
         The study that is going to replace the archive.
-    archive : DataTree
-        An archive without faults.
 
     Returns
     -------
@@ -463,10 +460,6 @@ def unusable_runs(
 
     Parameters
     ----------
-    study : ValidatedStudy
-        The study.
-    finder : RunFinder
-        The runs that the study may take.
     known : collection of str
         Names of designs that are left out.
 
@@ -481,6 +474,6 @@ def unusable_runs(
             runs = sum(len(each.runs.runs) for each in found if each.changed_design == name)
             if not runs or name in known:
                 continue
-            if not finder.used_places(model, first_points(study, name, model)):
+            if not finder.places_of(model, name):
                 texts[name] = f"none of its {runs} earlier runs is at a point of the changed design"
     return texts

@@ -24,16 +24,14 @@ from uqpen.checkpoints.sources import (
     RunSource,
     archived_sources,
     by_inputs,
-    first_points,
     shown_path,
 )
-from uqpen.checkpoints.stored_runs import FinishedRuns, select_results
+from uqpen.checkpoints.stored_runs import FinishedRuns
 from uqpen.core.arrays import Arrays, FloatArray, IntArray
 from uqpen.core.errors import CheckpointError
 from uqpen.core.labels import BATCH_HASH, FAILED_RUN, FAILURE_REASON, RUN, RUNS, STATUS
-from uqpen.core.masked_numbers import mask_numbers
 from uqpen.core.model import Model
-from uqpen.core.status import STATUS_TEXT, Status
+from uqpen.core.status import STATUS_TEXT, Status, mask_numbers
 from uqpen.core.streams import Stream
 from uqpen.execution import (
     EvaluationOptions,
@@ -45,7 +43,7 @@ from uqpen.execution import (
     run_count,
     status_counts,
 )
-from uqpen.execution.batch import BatchResult, join_results
+from uqpen.execution.batch import BatchResult
 from uqpen.execution.batching import BATCH_SIZE
 from uqpen.execution.checkpoint import Checkpoint
 from uqpen.execution.omitted_runs import are_omitted
@@ -116,25 +114,6 @@ class RecheckOutcome(NamedTuple):
     is_unchecked: bool = False
 
 
-class _ChosenHash(NamedTuple):
-    """Batch of a design whose runs are not kept: its number, its hash, and the number of runs."""
-
-    design: str
-    number: int
-    sha256: str
-    runs: int
-
-    @property
-    def start(self) -> int:
-        """The number of its first run."""
-        return self.number * BATCH_SIZE
-
-    @property
-    def stop(self) -> int:
-        """The number of the run after its last."""
-        return min(self.start + BATCH_SIZE, self.runs)
-
-
 class Recheck:
     """Making of runs again that a study would take.
 
@@ -182,12 +161,6 @@ class Recheck:
 
         Parameters
         ----------
-        name : str
-            The name of the model.
-        place : Place
-            Where they are.
-        sources : sequence of RunSource
-            The runs that would be taken.
         left : int or None
             Number of runs that the study makes anyway; None if it makes none.
         omitted : mapping of str to Dataset, optional
@@ -222,14 +195,22 @@ class Recheck:
         model = self.study.models[name].model
         generator = Stream(self.study.seed, "recheck", name).generator()
         chosen = choose_runs(model, sources, generator)
-        batch = None if chosen else _chosen_hash(omitted, generator)
-        if not (chosen or batch):
-            return RecheckOutcome()
-        if batch:
-            size = batch.stop - batch.start
-            seconds = seconds_at_last_pace(place.log, size, batch.design)
-        else:
+        # Of runs that are not kept, those of a design of which none may have ended by the machine.
+        kept_none = (
+            (design, runs)
+            for design, runs in omitted.items()
+            if not any(status_counts(runs).get(status, 0) for status in BY_MACHINE)
+        )
+        design, hashed = (None if chosen else next(kept_none, None)) or ("", None)
+        comparison: _Comparison | _HashComparison
+        if chosen:
+            comparison = _Comparison(self.study, place, sources, chosen, self._map)
             seconds = run_seconds(place.log, name)
+        elif hashed is not None:
+            comparison = _HashComparison(self.study, name, design, hashed, generator, self._map)
+            seconds = seconds_at_last_pace(place.log, comparison.compared, design)
+        else:
+            return RecheckOutcome()
         if reason := self._reason_against(seconds, left, place.log):
             self._inform(name, place, sources, f"no run is made again, {reason}")
             return RecheckOutcome(is_unchecked=True)
@@ -239,12 +220,7 @@ class Recheck:
             own = model.with_folder(Path(folder))
             own.prepare()
             self._journal.start_step("making finished runs again, for comparison")
-            comparison: _Comparison | _HashComparison
-            if chosen:
-                comparison = _Comparison(self.study, own, place, sources, chosen, self._map)
-            elif batch:
-                comparison = _HashComparison(self.study, name, own, batch, self._map)
-            refusal = comparison.make(seconds)
+            refusal = comparison.make(own, seconds)
         if refusal:
             self._refuse(name, place, refusal)
             return RecheckOutcome(is_refused=True)
@@ -294,23 +270,14 @@ class _Comparison:
     def __init__(
         self,
         study: ValidatedStudy,
-        model: Model,
         place: Place,
         sources: Sequence[RunSource],
         chosen: ChosenRuns,
         map: Map,
     ) -> None:
-        self._model, self._place, self._sources, self._chosen = model, place, sources, chosen
-        # The model itself is run: points that a constraint excludes since were admissible.
-        self._evaluator = Evaluator(model)
+        self._place, self._sources, self._chosen = place, sources, chosen
         retries = FailurePolicy(study.failures.retry, stop_after=0, trial=False)
         self._options = EvaluationOptions(map=map, progress=_NoReports(), failures=retries)
-        self._finished = evaluate(
-            self._evaluator,
-            _points(chosen.runs.inputs, chosen.runs.runs),
-            {},
-            EvaluationOptions(checkpoint=_Finished(chosen), progress=_NoReports()),
-        )
         self.compared, self.total = 0, chosen.total
         is_same = chosen.is_whole and not any(each.made_with for each in sources)
         self._tolerance = 0.0 if is_same else TOLERANCE
@@ -322,12 +289,24 @@ class _Comparison:
         """How close the runs are, where they are not equal to the bit."""
         return f" within {TOLERANCE:g}" if self._differs_at_all else ""
 
-    def make(self, seconds: float | None) -> str:
+    def make(self, model: Model, seconds: float | None) -> str:
         """Make runs for about a second; return why all runs are refused, empty if they are not."""
+        # The model itself is run: points that a constraint excludes since were admissible.
+        self._model, self._evaluator = model, Evaluator(model)
+        finished = EvaluationOptions(checkpoint=_Finished(self._chosen), progress=_NoReports())
+        runs = self._chosen.runs
+        self._finished = evaluate(self._evaluator, _points(runs.inputs, runs.runs), {}, finished)
         for at in self._parts(seconds):
             again = self._make(at)
             own = self._comparable(at, again)
-            reason = self._other_ending(at, own, again) or self._other_values(at, own, again)
+            reason = self._other_ending(at, own, again)
+            if not reason:
+                words = (f"in {self._place.name}", "now")
+                made = self._finished.isel({RUN: at[own]})
+                found = self._differences(made, again.isel({RUN: own}), words)
+                self._differs_at_all |= bool(found)
+                if found and found[0].relative > self._tolerance:
+                    reason = found[0].what
             if reason:
                 return self._refusal(at, own, again, reason)
             self.compared += own.size
@@ -370,18 +349,13 @@ class _Comparison:
             then, now = Status(int(before[run])), Status(int(statuses[position]))
             said, says = reasons_before.get(run, ""), reasons.get(position, "")
             if then is not now or mask_numbers(said) != mask_numbers(says):
+                was, is_now = (
+                    f"{STATUS_TEXT[status]} ({reason})" if reason else STATUS_TEXT[status]
+                    for status, reason in ((then, said), (now, says))
+                )
                 name = f"{self._designs}: run {self._chosen.runs.runs[run]}"
-                return f"{name} was {_ending(then, said)}, and is {_ending(now, says)} now"
+                return f"{name} was {was}, and is {is_now} now"
         return ""
-
-    def _other_values(self, at: IntArray, own: IntArray, again: xr.Dataset) -> str:
-        """Return how the values of runs differ; empty if they are equal."""
-        words = (f"in {self._place.name}", "now")
-        found = self._differences(
-            self._finished.isel({RUN: at[own]}), again.isel({RUN: own}), words
-        )
-        self._differs_at_all |= bool(found)
-        return found[0].what if found and found[0].relative > self._tolerance else ""
 
     def _refusal(self, at: IntArray, own: IntArray, again: xr.Dataset, reason: str) -> str:
         """Return why runs are refused that have become others; they are made once more."""
@@ -422,43 +396,32 @@ class _HashComparison:
     tolerance_text = ""
 
     def __init__(
-        self, study: ValidatedStudy, name: str, model: Model, batch: _ChosenHash, map: Map
+        self,
+        study: ValidatedStudy,
+        name: str,
+        design: str,
+        runs: xr.Dataset,
+        generator: np.random.Generator,
+        map: Map,
     ) -> None:
-        self._study, self._batch, self._map = study, batch, map
-        self._variant = study.models[name].with_model(model)
-        self.total, self.compared = batch.runs, batch.stop - batch.start
+        self._study, self._name, self._design, self._map = study, name, design, map
+        hashes = runs[BATCH_HASH].values
+        self._number = int(generator.integers(hashes.size))
+        self._sha256, self.total = str(hashes[self._number]), run_count(runs)
+        self._start = self._number * BATCH_SIZE
+        self.compared = min(BATCH_SIZE, self.total - self._start)
 
-    def make(self, seconds: float | None) -> str:
+    def make(self, model: Model, seconds: float | None) -> str:
         """Make the batch again; return why all runs are refused, empty if they are not."""
-        batch = self._batch
-        again = self._hash()
-        if again == batch.sha256:
+        variant = self._study.models[self._name].with_model(model)
+        arguments = (self._study, variant, self._design, self.total, [self._number], self._map)
+        again = next(sha256 for _, sha256 in hashes_again(*arguments, _NoReports()))
+        if again == self._sha256:
             return ""
-        if again != self._hash():
+        if again != next(sha256 for _, sha256 in hashes_again(*arguments, _NoReports())):
             return _NOISE
-        runs = f"runs {batch.start} to {batch.stop - 1}"
-        return f"{batch.design}: {runs} are others now\n  {_CHANGE}"
-
-    def _hash(self) -> str:
-        batch = self._batch
-        number = [batch.number]
-        again = hashes_again(
-            self._study, self._variant, batch.design, batch.runs, number, self._map, _NoReports()
-        )
-        return next(each for _, each in again)
-
-
-def _chosen_hash(
-    omitted: Mapping[str, xr.Dataset], generator: np.random.Generator
-) -> _ChosenHash | None:
-    """Choose a batch of runs that are not kept; None if they may have ended by the machine."""
-    for design, runs in omitted.items():
-        counts = status_counts(runs)
-        if not any(counts.get(status, 0) for status in BY_MACHINE):
-            hashes = runs[BATCH_HASH].values
-            number = int(generator.integers(hashes.size))
-            return _ChosenHash(design, number, str(hashes[number]), run_count(runs))
-    return None
+        runs = f"runs {self._start} to {self._start + self.compared - 1}"
+        return f"{self._design}: {runs} are others now\n  {_CHANGE}"
 
 
 class _NoReports(Progress):
@@ -492,11 +455,6 @@ def _reasons(runs: xr.Dataset) -> dict[int, str]:
         return {}
     reasons = map(str, runs[FAILURE_REASON].values.tolist())
     return dict(zip(runs[FAILED_RUN].values.tolist(), reasons, strict=True))
-
-
-def _ending(status: Status, reason: str) -> str:
-    """Return how a run ended, in words."""
-    return f"{STATUS_TEXT[status]} ({reason})" if reason else STATUS_TEXT[status]
 
 
 def _same_text(names: Sequence[str]) -> str:
@@ -539,12 +497,8 @@ def runs_that_are_as_made(
 
     Parameters
     ----------
-    recheck : Recheck
-        Makes runs of the study again.
     sources : mapping of str to sequence of RunSource
         The sources of runs by the name of a model.
-    archives : sequence of ArchivePlace
-        The archives among their places.
     finished : CheckpointFolder
         The finished runs beside the archive.
     journal : Journal
@@ -575,7 +529,7 @@ def runs_that_are_as_made(
     while True:
         finder = RunFinder(study, sources, journal)
         refused = set()
-        for name, place in _taken(study, sources, finder):
+        for name, place in finder.used_places():
             own = [each for each in sources[name] if each.place == place]
             outcome = recheck.look(name, places.get(place, set_aside), own, left[name])
             if outcome.is_unchecked:
@@ -591,17 +545,6 @@ def runs_that_are_as_made(
     for name, design in unchecked:
         finder.record_not_made_again(design, name)
     return finder
-
-
-def _taken(
-    study: ValidatedStudy, sources: _Sources, finder: RunFinder
-) -> Iterator[tuple[str, str]]:
-    """Yield the models and the places from which runs at the first points of a design come."""
-    for name, found in sources.items():
-        points = (first_points(study, design, name) for design in study.designs if found)
-        used = set[str]().union(*(finder.used_places(name, each) for each in points))
-        places = dict.fromkeys(each.place for each in found)
-        yield from ((name, place) for place in places if place in used)
 
 
 def _count(sources: Sequence[RunSource]) -> int:
@@ -647,8 +590,6 @@ def choose_runs(
     ----------
     model : Model
         The model of the runs.
-    sources : sequence of RunSource
-        The runs that may be taken.
     generator : numpy.random.Generator
         Draws the runs that are no extremes.
     """
@@ -656,30 +597,46 @@ def choose_runs(
     if not alike:
         return None
     # Models of one study may be given other inputs; most runs have the same ones.
-    of_one_kind = max(alike, key=_count_ok)
-    statuses = np.concatenate([each.runs.results.status for each in of_one_kind])
+    of_one_kind = max(
+        alike,
+        key=lambda own: sum(int((each.runs.results.status == Status.OK).sum()) for each in own),
+    )
+    joined = FinishedRuns.joined([each.runs for each in of_one_kind])
+    statuses = joined.results.status
     # A run that failed by its model has to fail again.
     in_turn = (Status.OK, Status.FAILED, Status.NOT_FINITE)
     status = next((each for each in in_turn if (statuses == each).any()), None)
     if status is None:
         return None
     at = np.flatnonzero(statuses == status)
-    order = at[order_runs(_columns(of_one_kind, at), generator)]
-    if depends_on_batch(model):
-        return _chosen_batch(of_one_kind, order, status)
-    order = order if status is Status.OK else order[:1]
-    return _chosen(of_one_kind, order, status, is_batch=False, is_whole=True)
+    order = at[order_runs({name: each[at] for name, each in joined.inputs.items()}, generator)]
+    starts = np.cumsum([0, *(len(each.runs.runs) for each in of_one_kind)])
+    is_batch, is_whole = depends_on_batch(model), True
+    if is_batch:
+        # The batch that has most of these runs, whole ones first.
+        is_chosen = np.isin(np.arange(len(statuses)), order)
+        batches = [
+            (is_whole, int(is_chosen[start + batch].sum()), start + batch)
+            for start, source in zip(starts, of_one_kind, strict=False)
+            for batch, is_whole in _batches(source)
+        ]
+        batches = [
+            each for each in batches if each[1] and not np.isin(statuses[each[2]], BY_MACHINE).any()
+        ]
+        if not batches:
+            return None
+        is_whole, _, order = max(batches, key=lambda each: each[:2])
+        # A model does not get the inadmissible points of a batch.
+        order = order[statuses[order] != Status.INADMISSIBLE]
+    elif status is not Status.OK:
+        order = order[:1]
+    used = np.unique(np.searchsorted(starts, order, side="right") - 1).tolist()
+    designs = tuple(dict.fromkeys(of_one_kind[each].design for each in used))
+    return ChosenRuns(joined.select(order), status, is_batch, is_whole, designs, len(statuses))
 
 
 def order_runs(columns: Arrays, generator: np.random.Generator) -> IntArray:
     """Return positions of runs by turns: those at the ends of each input, and random ones.
-
-    Parameters
-    ----------
-    columns : mapping of str to ndarray, shape (run,)
-        The inputs of runs.
-    generator : numpy.random.Generator
-        Draws the random ones.
 
     Returns
     -------
@@ -706,71 +663,6 @@ def _lowest(values: FloatArray, number: int) -> IntArray:
     some = np.sort(values[:: len(values) // _SOME + 1])
     at = np.flatnonzero(values <= some[min(number, len(some) - 1)])
     return np.asarray(at[np.argsort(values[at], kind="stable")][:number], dtype=np.int64)
-
-
-def _count_ok(sources: Sequence[RunSource]) -> int:
-    return sum(int((each.runs.results.status == Status.OK).sum()) for each in sources)
-
-
-def _columns(sources: Sequence[RunSource], at: IntArray) -> Arrays:
-    parts = [each.runs.inputs for each in sources]
-    columns = {
-        name: np.concatenate([part[name] for part in parts]) if len(parts) > 1 else values
-        for name, values in parts[0].items()
-    }
-    return columns if len(at) == _count(sources) else {name: columns[name][at] for name in columns}
-
-
-def _chosen(
-    sources: Sequence[RunSource],
-    at: IntArray,
-    status: Status,
-    *,
-    is_batch: bool,
-    is_whole: bool,
-) -> ChosenRuns:
-    """Return the runs at positions among those of all sources, in this order."""
-    starts = np.cumsum([0, *(len(each.runs.runs) for each in sources)])
-    numbers = np.searchsorted(starts, at, side="right") - 1
-    by_source = np.argsort(numbers, kind="stable")
-    used = np.unique(numbers).tolist()
-    own = {each: at[by_source][numbers[by_source] == each] - starts[each] for each in used}
-    back = np.argsort(by_source)
-    inputs = {
-        name: np.concatenate([sources[each].runs.inputs[name][own[each]] for each in used])[back]
-        for name in sources[0].runs.inputs
-    }
-    results = join_results([select_results(sources[each].runs.results, own[each]) for each in used])
-    runs = np.concatenate([sources[each].runs.runs[own[each]] for each in used])[back]
-    return ChosenRuns(
-        FinishedRuns(runs, inputs, select_results(results, back)),
-        status,
-        is_batch,
-        is_whole,
-        tuple(dict.fromkeys(sources[each].design for each in used)),
-        int(starts[-1]),
-    )
-
-
-def _chosen_batch(
-    sources: Sequence[RunSource], order: IntArray, status: Status
-) -> ChosenRuns | None:
-    """Return the batch that has most of some runs, whole ones first."""
-    statuses = np.concatenate([each.runs.results.status for each in sources])
-    marks = np.zeros(len(statuses), dtype=np.int64)
-    marks[order] = 1
-    starts = np.cumsum([0, *(len(each.runs.runs) for each in sources)])
-    batches = [
-        (is_whole, int(marks[start + batch].sum()), start + batch)
-        for start, source in zip(starts, sources, strict=False)
-        for batch, is_whole in _batches(source)
-    ]
-    for is_whole, number, at in sorted(batches, key=lambda each: each[:2], reverse=True):
-        if number and not np.isin(statuses[at], BY_MACHINE).any():
-            # A model does not get the inadmissible points of a batch.
-            admissible = at[statuses[at] != Status.INADMISSIBLE]
-            return _chosen(sources, admissible, status, is_batch=True, is_whole=is_whole)
-    return None
 
 
 def _batches(source: RunSource) -> Iterator[tuple[IntArray, bool]]:

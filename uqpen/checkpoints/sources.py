@@ -5,10 +5,10 @@ from __future__ import annotations
 import hashlib
 import tomllib
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import groupby, pairwise
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -22,16 +22,11 @@ from uqpen.archive.structure import find_faults
 from uqpen.checkpoints.identity import (
     ModelComparison,
     compare_models,
-    fingerprint_changes,
     list_changes,
-    read_fingerprint,
 )
 from uqpen.checkpoints.journal import Journal
 from uqpen.checkpoints.stored_runs import (
-    MADE_OF,
     FinishedRuns,
-    part_files,
-    part_number,
     select_results,
 )
 from uqpen.core.arrays import Arrays, FloatArray, IntArray
@@ -54,7 +49,7 @@ from uqpen.core.streams import BLOCK, Stream
 from uqpen.designs.rounds import first_round
 from uqpen.distributions.constraints import Constraint
 from uqpen.execution import Progress
-from uqpen.execution.batch import BatchResult, join_results
+from uqpen.execution.batch import BatchResult
 from uqpen.execution.batching import BATCH_SIZE
 from uqpen.execution.checkpoint import Checkpoint
 from uqpen.execution.omitted_runs import are_omitted
@@ -76,8 +71,6 @@ __all__ = [
     "first_points",
     "input_columns",
     "open_archives",
-    "set_aside_design",
-    "set_aside_sources",
     "shown_path",
     "sources_of_archives",
     "unused_designs",
@@ -86,8 +79,6 @@ __all__ = [
 # Folder, beside those of designs, of finished runs that belong to none: they are found by their
 # inputs alone. Settings of their design have changed since, or they were made to try a model.
 SET_ASIDE = "set_aside"
-
-_KEPT = "those kept before"
 
 _NEVERTHELESS = "take them nevertheless with --no-recheck"
 
@@ -198,77 +189,6 @@ class RunSource:
         for begin, end in pairwise(starts):
             if end - begin == BATCH_SIZE or (self.is_complete and end == len(numbers)):
                 yield np.arange(begin, end)
-
-
-def set_aside_sources(
-    root: Path,
-    fingerprint: Mapping[str, str],
-    read: Callable[[Path], FinishedRuns | None],
-) -> Iterator[RunSource]:
-    """Yield the runs that were set aside and were made with a model.
-
-    Parameters
-    ----------
-    root : Path
-        The folder of the model's runs.
-    fingerprint : mapping of str to str
-        That of the model; see `model_fingerprint`.
-    read : callable
-        Reads a part; it returns None for a damaged one.
-    """
-    folders = (root / SET_ASIDE).glob("[0-9]*")
-    for folder in sorted(folder for folder in folders if folder.is_dir()):
-        before = read_fingerprint(folder / MADE_OF)
-        if before is None:
-            continue
-        own = {key: before[key] for key in before if key in fingerprint or _is_of_model(key)}
-        changes = list(fingerprint_changes(own, fingerprint))
-        if not all(change.is_limit for change in changes):
-            continue
-        design = set_aside_design(folder)
-        for runs in _stored_rounds(folder, read):
-            source = RunSource(
-                _KEPT,
-                runs,
-                is_complete=False,
-                folder=folder,
-                changed_design=design,
-                design=design,
-            )
-            found = source.without_statuses([Status.TIMED_OUT] if changes else [])
-            if found is not None:
-                yield found
-
-
-def set_aside_design(folder: Path) -> str:
-    """Return the design that runs were made for; empty for runs that only tried a model."""
-    fingerprint = read_fingerprint(folder / MADE_OF) or {}
-    names = (key.split(".")[1] for key in fingerprint if key.startswith("designs."))
-    return next(names, "")
-
-
-def _is_of_model(key: str) -> bool:
-    return key.startswith(("model", "constraints."))
-
-
-def _stored_rounds(
-    folder: Path, read: Callable[[Path], FinishedRuns | None]
-) -> Iterator[FinishedRuns]:
-    """Yield the runs of each round in a folder, each number once."""
-    for _, files in groupby(part_files(folder), lambda file: file.stem.partition("_")[0]):
-        parts = [*filter(None, map(read, sorted(files, key=part_number, reverse=True)))]
-        if parts:
-            yield _joined(parts)
-
-
-def _joined(parts: list[FinishedRuns]) -> FinishedRuns:
-    """Join parts in ascending order of the runs; of a run that several have, take the first."""
-    runs, at = np.unique(np.concatenate([part.runs for part in parts]), return_index=True)
-    inputs = {
-        name: np.concatenate([part.inputs[name] for part in parts])[at] for name in parts[0].inputs
-    }
-    results = join_results([part.results for part in parts])
-    return FinishedRuns(runs, inputs, select_results(results, at))
 
 
 def open_archives(
@@ -407,8 +327,6 @@ def archived_sources(
     ----------
     study, name
         The study, and the name of its model.
-    archive : ArchivePlace
-        The archive.
     first_blocks : bool
         Whether designs with very many runs have their first block.
     """
@@ -457,8 +375,12 @@ def _archived_rounds(
 ) -> Iterator[FinishedRuns]:
     """Yield the runs of each round of a design; none if a variable is not as the model has it."""
     inputs = input_columns(runs, model)
-    if not all(_has_output(runs, output) for output in model.outputs):
-        return
+    for output in model.outputs:
+        dims = (RUN, *(dim.name for dim in output.dims))
+        if output.name not in runs or runs[output.name].dims != dims:
+            return
+        if not all(np.array_equal(runs[dim.name].values, dim.values) for dim in output.dims):
+            return
     outputs = {output.name: _values(runs, output) for output in model.outputs}
     status = runs[STATUS].values.astype(np.int8)
     reasons = dict.fromkeys(np.flatnonzero(status != Status.OK).tolist(), "no reason was recorded")
@@ -485,15 +407,6 @@ def input_columns(runs: xr.Dataset, model: Model) -> dict[str, FloatArray]:
         for variable in model.inputs
         if variable.name in runs
     }
-
-
-def _has_output(runs: xr.Dataset, output: Output) -> bool:
-    """Check that runs have an output along the dimensions and coordinates of the model's."""
-    if output.name not in runs:
-        return False
-    if runs[output.name].dims != (RUN, *(dim.name for dim in output.dims)):
-        return False
-    return all(np.array_equal(runs[dim.name].values, dim.values) for dim in output.dims)
 
 
 def _values(runs: xr.Dataset, output: Output) -> FloatArray:
@@ -565,7 +478,7 @@ class IndexedRuns:
         is_admissible = np.ones(len(at), dtype=np.bool_)
         for constraint in self._constraints:
             is_admissible &= constraint.is_satisfied(inputs)
-        is_wrong = ~is_admissible & (self._results.status[at] != Status.INADMISSIBLE)
+        is_wrong = ~is_admissible & (self._runs.results.status[at] != Status.INADMISSIBLE)
         return np.where(is_wrong, -1, at)
 
     def batch_results(self, start: int, at: IntArray) -> Iterator[BatchResult]:
@@ -581,7 +494,7 @@ class IndexedRuns:
         ends = np.flatnonzero(np.diff(at >= 0)) + 1
         for begin, end in pairwise([0, *ends.tolist(), len(at)]):
             if at[begin] >= 0:
-                yield BatchResult(start + begin, select_results(self._results, at[begin:end]))
+                yield BatchResult(start + begin, select_results(self._runs.results, at[begin:end]))
 
     def use(self, at: IntArray) -> Iterator[tuple[RunSource, IntArray]]:
         """Record that runs are taken, given positions or -1; yield their sources and statuses."""
@@ -589,7 +502,7 @@ class IndexedRuns:
         self._is_used[at] = True
         numbers = self._source_numbers(at)
         for number in np.unique(numbers).tolist():
-            yield self.sources[number], self._results.status[at[numbers == number]]
+            yield self.sources[number], self._runs.results.status[at[numbers == number]]
 
     def sources_of(self, at: IntArray) -> list[RunSource]:
         """Return the sources of runs, given their positions or -1."""
@@ -606,25 +519,19 @@ class IndexedRuns:
                 yield source
 
     @cached_property
-    def _inputs(self) -> Arrays:
-        names = self.sources[0].runs.inputs
-        parts = [source.runs.inputs for source in self.sources]
-        return {name: np.concatenate([part[name] for part in parts]) for name in names}
-
-    @cached_property
-    def _results(self) -> Results:
-        return join_results([source.runs.results for source in self.sources])
+    def _runs(self) -> FinishedRuns:
+        return FinishedRuns.joined([source.runs for source in self.sources])
 
     @cached_property
     def _index(self) -> PointIndex | BatchIndex:
         if not depends_on_batch(self._model):
-            return PointIndex(self._inputs)
+            return PointIndex(self._runs.inputs)
         batches = [
             start + batch
             for start, source in zip(self._starts, self.sources, strict=False)
             for batch in source.whole_batches()
         ]
-        return BatchIndex(self._inputs, batches, BATCH_SIZE)
+        return BatchIndex(self._runs.inputs, batches, BATCH_SIZE)
 
 
 class RunFinder:
@@ -692,8 +599,17 @@ class RunFinder:
         label = f"{model}: {design}" if model else design
         self._made_with.add(f"{label}: {NOT_MADE_AGAIN}")
 
-    def used_places(self, model: str, inputs: Arrays) -> set[str]:
-        """Return the places of a model's runs that are at the first points of a round."""
+    def used_places(self) -> Iterator[tuple[str, str]]:
+        """Yield the models and the places from which runs at first points of a design come."""
+        for model, found in self.sources.items():
+            designs = self._study.designs if found else ()
+            used = set[str]().union(*(self.places_of(model, design) for design in designs))
+            places = dict.fromkeys(each.place for each in found)
+            yield from ((model, place) for place in places if place in used)
+
+    def places_of(self, model: str, design: str) -> set[str]:
+        """Return the places of a model's runs that are at the first points of a design."""
+        inputs = first_points(self._study, design, model)
         found = self.indexed_runs(model, inputs)
         if found is None:
             return set()

@@ -12,7 +12,7 @@ import zlib
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any, NamedTuple
+from typing import IO, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -96,12 +96,25 @@ class FinishedRuns:
     ) -> FinishedRuns:
         """Combine one or more batch results, each with the inputs of its runs."""
         ordered = sorted(batch_results, key=lambda each: each[1].start)
-        inputs, results = zip(*ordered, strict=True)
-        runs = [np.arange(each.start, each.start + len(each)) for each in results]
+        return cls.joined(
+            [
+                cls(np.arange(each.start, each.start + len(each)), inputs, each.results)
+                for inputs, each in ordered
+            ]
+        )
+
+    @classmethod
+    def joined(cls, parts: Sequence[FinishedRuns]) -> FinishedRuns:
+        """Join one or more parts with the same inputs and outputs, in this order."""
+        if len(parts) == 1:
+            return parts[0]
         return cls(
-            np.concatenate(runs),
-            {name: np.concatenate([each[name] for each in inputs]) for name in inputs[0]},
-            join_results([each.results for each in results]),
+            np.concatenate([part.runs for part in parts]),
+            {
+                name: np.concatenate([part.inputs[name] for part in parts])
+                for name in parts[0].inputs
+            },
+            join_results([part.results for part in parts]),
         )
 
     def match_inputs(self, columns: Arrays, start: int = 0) -> bool:
@@ -109,8 +122,6 @@ class FinishedRuns:
 
         Parameters
         ----------
-        columns : mapping of str to ndarray, shape (run,)
-            Consecutive points.
         start : int
             Number of the first of them.
         """
@@ -133,8 +144,10 @@ class FinishedRuns:
     def _select(self, at: IntArray) -> FinishedRuns | None:
         if len(at) == len(self.runs):
             return self
-        if not at.size:
-            return None
+        return self.select(at) if at.size else None
+
+    def select(self, at: IntArray) -> FinishedRuns:
+        """Return the runs at some positions, in this order."""
         inputs = {name: values[at] for name, values in self.inputs.items()}
         return FinishedRuns(self.runs[at], inputs, select_results(self.results, at))
 
@@ -397,11 +410,8 @@ class GrowingPart:
 _BLOCK_DAMAGE = (OSError, RuntimeError, ValueError, KeyError, IndexError, TypeError)
 
 
-class _Entry(NamedTuple):
-    """Offset of the entry of a block in the record, and the number of its runs."""
-
-    offset: int
-    runs: int
+# Offset of the entry of a block in the record, and the number of its runs.
+_Entry = tuple[int, int]
 
 
 class BlockStore:
@@ -427,7 +437,7 @@ class BlockStore:
         self._failures = FailureRecord()
         self._like: xr.Dataset | None = None
         found = dict(_entries(self._record)) if self._runs.is_readable() else {}
-        self._entries = {start: entry for start, entry in found.items() if entry.runs}
+        self._entries = {start: entry for start, entry in found.items() if entry[1]}
         if not self._entries:
             self.close()
             path.unlink(missing_ok=True)
@@ -436,7 +446,7 @@ class BlockStore:
     @property
     def ranges(self) -> list[tuple[int, int]]:
         """The first run of each block in the file, and the run after its last."""
-        return [(start, start + entry.runs) for start, entry in self._entries.items()]
+        return [(start, start + runs) for start, (_, runs) in self._entries.items()]
 
     def add(self, block: xr.Dataset, files: frozenset[str], *, safely: bool) -> None:
         """Take the next block of all, and write it if it is not in the file.
@@ -458,17 +468,25 @@ class BlockStore:
         self._runs.write(start, block)
         if safely:
             self._runs.bring_to_disk()
-        reasons = dict(
-            zip(block[FAILED_RUN].values.tolist(), block[FAILURE_REASON].values, strict=True)
-        )
+        # The value of an input that is the same in all runs, or None; whether an output of the
+        # model itself is categorical.
+        inputs: dict[str, float | None] = {}
+        outputs: dict[str, bool] = {}
+        for name in map(str, block.data_vars):
+            variable = block.variables[name]
+            if variable.attrs.get(ROLE) != "output" and name not in (STATUS, FAILURE_REASON):
+                inputs[name] = None if variable.dims else float(variable.values)
+            elif variable.attrs.get(ROLE) == "output" and DERIVED_FROM not in variable.attrs:
+                outputs[name] = "flag_values" in variable.attrs
+        failed = zip(block[FAILED_RUN].values.tolist(), block[FAILURE_REASON].values, strict=True)
         entry = {
             "start": start,
             "runs": runs,
             "crc32": _checksum(self._runs.read(start, start + runs)),
-            "inputs": _inputs(block),
-            "outputs": _outputs(block),
+            "inputs": inputs,
+            "outputs": outputs,
             "files": sorted(files),
-            "reasons": reasons,
+            "reasons": dict(failed),
         }
         self._write_line(entry, safely=safely)
 
@@ -515,7 +533,7 @@ class BlockStore:
 
     def _write_line(self, entry: dict[str, Any], *, safely: bool) -> None:
         with self._record.open("ab") as stream:
-            self._entries[entry["start"]] = _Entry(stream.tell(), entry["runs"])
+            self._entries[entry["start"]] = stream.tell(), entry["runs"]
             stream.write(json.dumps(entry).encode() + b"\n")
             if safely:
                 stream.flush()
@@ -526,24 +544,24 @@ class BlockStore:
         self._runs.close()
 
     def _read(self, start: int) -> FinishedRuns:
-        entry = self._entries[start]
+        offset, runs = self._entries[start]
         with self._record.open("rb") as stream:
-            stream.seek(entry.offset)
+            stream.seek(offset)
             said = json.loads(stream.readline())
-        values = self._runs.read(start, start + entry.runs)
+        values = self._runs.read(start, start + runs)
         if said["crc32"] != _checksum(values):
             raise ValueError
-        outputs = {
-            name: _as_returned(values[name], is_categorical=is_categorical)
-            for name, is_categorical in said["outputs"].items()
-        }
+        outputs = {name: values[name] for name in said["outputs"]}
+        for name in filter(said["outputs"].get, outputs):
+            # A run without a category has NaN.
+            outputs[name] = np.where(outputs[name] < 0, np.nan, outputs[name].astype(np.float64))
         reasons = {int(run) - start: str(text) for run, text in said["reasons"].items()}
         inputs = {
-            name: values[name] if given is None else np.full(entry.runs, given)
+            name: values[name] if given is None else np.full(runs, given)
             for name, given in said["inputs"].items()
         }
         results = Results(outputs, values[STATUS], reasons, frozenset(said["files"]))
-        return FinishedRuns(start + np.arange(entry.runs), inputs, results)
+        return FinishedRuns(start + np.arange(runs), inputs, results)
 
 
 def _entries(record: Path) -> Iterator[tuple[int, _Entry]]:
@@ -553,45 +571,11 @@ def _entries(record: Path) -> Iterator[tuple[int, _Entry]]:
         with record.open("rb") as stream:
             for line in stream:
                 said = json.loads(line)
-                yield int(said["start"]), _Entry(offset, int(said["runs"]))
+                yield int(said["start"]), (offset, int(said["runs"]))
                 offset += len(line)
     except _BLOCK_DAMAGE:
-        _cut(record, offset)
-
-
-def _cut(record: Path, size: int) -> None:
-    """Remove what a program that was killed has left of a line."""
-    if record.exists():
-        os.truncate(record, size)
-
-
-def _inputs(block: xr.Dataset) -> dict[str, float | None]:
-    """Return the inputs of runs: the value of one that is the same in all, or None."""
-    return {
-        str(name): None if each.dims else float(each.values)
-        for name in block.data_vars
-        if (each := block.variables[name]).attrs.get(ROLE) != "output"
-        and name not in (STATUS, FAILURE_REASON)
-    }
-
-
-def _outputs(block: xr.Dataset) -> dict[str, bool]:
-    """Return the outputs of the model itself, and whether each is categorical."""
-    return {
-        str(name): "flag_values" in each.attrs
-        for name in block.data_vars
-        if (each := block.variables[name]).attrs.get(ROLE) == "output"
-        and DERIVED_FROM not in each.attrs
-    }
-
-
-def _as_returned(values: Any, *, is_categorical: bool) -> Any:
-    """Return the values of an output as a model returns them: without a category, NaN."""
-    if not is_categorical:
-        return values
-    found = values.astype(np.float64)
-    found[found < 0] = np.nan
-    return found
+        if record.exists():
+            os.truncate(record, offset)  # what a program that was killed has left of a line
 
 
 def _checksum(values: Mapping[str, Any]) -> int:

@@ -191,16 +191,14 @@ def _archive_offers(
 
     The vector has the inputs that a surrogate was fitted in, the others are as in those runs.
     """
-    from uqpen.archive.read import model_trees, open_archive
+    from uqpen.archive.read import open_archive
     from uqpen.core.errors import UnknownNameError
-    from uqpen.core.labels import SURROGATES
     from uqpen.core.lookup import choices
-    from uqpen.surrogates.archived_surrogate import restore_surrogate, surrogate_paths
+    from uqpen.surrogates.archived_surrogate import surrogate_paths
     from uqpen.surrogates.diagnostics import refuted_outputs
-    from uqpen.verification.archived_study import restored_study
+    from uqpen.verification.archived_study import restored_study, study_surrogate
 
     tree = open_archive(path)
-    trees = model_trees(tree)
     found = surrogate_paths(tree)
     if not found and not label:
         raise UnknownNameError(f"{path}: holds no surrogate, and nothing else of it can be served")
@@ -211,14 +209,10 @@ def _archive_offers(
     with restored_study(tree, folder, trust=trust) as restored:
         study = restored.study
         for offered in [label] if label else found:
-            model, name = found[offered]
+            model, group, surrogate = study_surrogate(study, tree, offered)
             variant = study.models[model]
-            group = trees[model].children[SURROGATES].children[name]
             for output, reason in refuted_outputs(group).items():
                 show_message(f"{offered}, {output}: {reason}")
-            settings = study.surrogates[name]
-            loaded = None if settings.absence else type(settings)
-            surrogate = restore_surrogate(group, offered, variant.model, loaded=loaded)
             fixed = {**study.joint.nominal(), **variant.given, **surrogate.fixed}
             varied = named or surrogate.random_inputs
             yield _offer(offered, surrogate, varied, fixed, study.constraints)

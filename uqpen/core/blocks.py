@@ -41,16 +41,9 @@ def block_ranges(size: int) -> Iterator[tuple[int, int]]:
 
 
 def is_true_by_blocks(check: Callable[..., Any], *variables: xr.Variable, overlap: int = 0) -> bool:
-    """Check that a condition is true of each block of variables along one dimension.
+    """Check that a condition is true of each block of variables of one length.
 
-    Parameters
-    ----------
-    check : callable
-        Takes the values of each variable in a block.
-    *variables : Variable
-        All of one length.
-    overlap : int
-        Number of entries before a block that belong to it, too.
+    With an overlap, that number of entries before a block belong to it, too.
     """
     return all(
         check(*(each[max(start - overlap, 0) : stop].values for each in variables))
@@ -154,15 +147,10 @@ class LoadedDataset(BlockedRuns):
 
 
 def join_blocks(blocks: Iterable[xr.Dataset], size: int) -> xr.Dataset:
-    """Join consecutive blocks of runs; each is released when the next one is there.
+    """Join consecutive blocks of runs to a size; each is released when the next one is there.
 
-    Parameters
-    ----------
-    blocks : iterable of Dataset
-        At least one. All have the variables of the first; without a failed run, the whole has no
-        reasons of failed runs.
-    size : int
-        Number of runs of the whole.
+    All have the variables of the first. Without a failed run, the whole has no reasons of failed
+    runs.
     """
     coming = iter(blocks)
     first = next(coming)
@@ -179,21 +167,17 @@ def join_blocks(blocks: Iterable[xr.Dataset], size: int) -> xr.Dataset:
     start = 0
     for block in chain([first], coming):
         stop = start + block.sizes[RUN]
-        for name in joined:
-            joined[name] = _filled(joined[name], start, block.variables[name].values)
+        for name, column in joined.items():
+            values = block.variables[name].values
+            # In a type that has room for both.
+            kind = np.promote_types(column.dtype, values.dtype)
+            joined[name] = column.astype(kind, copy=False)
+            joined[name][start:stop] = values
         for name, parts in failed.items():
             parts.append(block.variables[name].values)
         start = stop
-    values = {**joined, **{name: np.concatenate(parts) for name, parts in failed.items()}}
-    return _without_empty_reasons(_with_values(first, values))
-
-
-def _filled(column: _AlongRun, start: int, values: _AlongRun) -> _AlongRun:
-    """Return a column with the values of a block, in a type that has room for both."""
-    kind = np.promote_types(column.dtype, values.dtype)
-    column = column.astype(kind, copy=False)
-    column[start : start + len(values)] = values
-    return column
+    found = {**joined, **{name: np.concatenate(parts) for name, parts in failed.items()}}
+    return _without_empty_reasons(_with_values(first, found))
 
 
 def _with_values(template: xr.Dataset, values: dict[str, _AlongRun]) -> xr.Dataset:

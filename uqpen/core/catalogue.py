@@ -663,17 +663,26 @@ FAILURE_STATISTICS = _by_name(_FAILURE_STATISTICS)
 
 # How an event's probability changes with the inputs' distributions.
 _EVENT_SENSITIVITIES = {
-    "mean_sensitivity": ("change {of} with a mean", "mean, by one sd"),
-    "std_sensitivity": ("change {of} with a standard deviation", "sd, by itself"),
-    "mean_elasticity": ("elasticity {of} to a mean", "elasticity, mean"),
-    "std_elasticity": ("elasticity {of} to a standard deviation", "elasticity, sd"),
+    "mean_sensitivity": ("change of an event's probability with a mean", "mean, by one sd"),
+    "std_sensitivity": (
+        "change of an event's probability with a standard deviation",
+        "sd, by itself",
+    ),
+    "mean_elasticity": ("elasticity of an event's probability to a mean", "elasticity, mean"),
+    "std_elasticity": (
+        "elasticity of an event's probability to a standard deviation",
+        "elasticity, sd",
+    ),
     "sensitivity_effective_runs": ("effective number of runs with an event", "effective runs"),
 }
 _OF_DESIGN_POINTS = {
     "reliability_index": ("distance of a design point from the median", "reliability index"),
-    "first_order_probability": ("probability beyond the plane {at}", "probability, first order"),
+    "first_order_probability": (
+        "probability beyond the plane at a design point",
+        "probability, first order",
+    ),
     "second_order_probability": (
-        "probability beyond the paraboloid {at}",
+        "probability beyond the paraboloid at a design point",
         "probability, second order",
     ),
 }
@@ -698,7 +707,7 @@ JOINT_STATISTICS = _by_name(
         *(
             Statistic(
                 name,
-                title.replace("{of}", "of an event's probability"),
+                title,
                 (SENSITIVITY_EVENT, INPUT),
                 note_is_of_estimate=True,
                 measure=Measure(label, "event", rank),
@@ -708,7 +717,7 @@ JOINT_STATISTICS = _by_name(
         *(
             Statistic(
                 name,
-                title.replace("{at}", "at a design point"),
+                title,
                 (DESIGN_POINT,),
                 note_is_of_estimate=True,
                 own=EntryDimension(DESIGN_POINT, "count", {"design_point_run": "count"}),

@@ -43,7 +43,9 @@ def time_limit() -> Any:
     return setting(
         "quantity with a unit of its own",
         'a time such as "10 s" or "5 min"',
-        _is_time,
+        lambda value: (
+            not isinstance(value, bool) and isinstance(value, int | float) and 0 < value <= _LONGEST
+        ),
         read=_read_time,
         default=None,
         key="time_limit",
@@ -57,11 +59,6 @@ def _read_time(written: Any, context: object) -> float:
         expected = "a time of at most 24 days; without a limit, a run takes the time that it needs"
         raise QuantityError(toml_text(written), expected)
     return seconds
-
-
-def _is_time(value: Any) -> bool:
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    return is_number and 0 < value <= _LONGEST
 
 
 def _read_size(written: object, context: object) -> int:

@@ -54,23 +54,12 @@ class Spread:
 def parse_quantity(
     text: str | float, like: str, *, difference: bool = False, allow_offset: bool = True
 ) -> Quantity:
-    """Read a quantity such as ``"17.5 g/cm^3"``.
+    """Read a quantity such as ``"17.5 g/cm^3"``, in the dimension of a unit.
 
-    Parameters
-    ----------
-    text : str or float
-        Text of the user; a plain number where the dimension has no unit.
-    like : str
-        A unit of the expected dimension.
-    difference : bool
-        Whether it is a difference, a standard deviation say: 5 degC is then 5 K.
-    allow_offset : bool
-        Whether the unit of a value that is read as it is may have a zero of its own, as degC.
+    A difference of 5 degC, a standard deviation say, is 5 K. Without `allow_offset`, the unit of
+    another value may have no zero of its own.
 
-    Raises
-    ------
-    QuantityError
-        If it is not a finite number with a unit of that dimension.
+    QuantityError if it is not a finite number with a unit of that dimension.
     """
     if isinstance(text, int | float) and not isinstance(text, bool) and not is_huge(text):
         text = repr(text)
@@ -97,15 +86,16 @@ def parse_spread(text: str, like: str) -> Spread | None:
 
     Returns None for a text without ``±`` (or ``+/-``).
 
-    Raises
-    ------
-    QuantityError
-        If it has one but cannot be read.
+    QuantityError if it has one but cannot be read.
     """
     _refuse_length(text)
     if not _PLUS_MINUS.search(text):
         return None
-    inner, unit = _ungroup(text.replace(_MINUS, "-"))
+    plain = text.replace(_MINUS, "-")
+    # The content of brackets, if any, and the unit behind them.
+    inner, bracket, unit = plain.strip().rpartition(")")
+    is_grouped = bool(bracket) and inner.startswith("(")
+    inner, unit = (inner[1:], unit.strip()) if is_grouped else (plain, "")
     parts = _PLUS_MINUS.split(inner)
     shape = f'a mean and a standard deviation, such as "{_example(like)}"'
     if len(parts) != 2:
@@ -137,12 +127,6 @@ def _split(text: str, like: str) -> tuple[float, str]:
     if _PLUS_MINUS.search(unit):
         raise QuantityError(f"{toml_text(text)}, with a ±", f"{describe(like)}, without a spread")
     return float(number), unit or DIMENSIONLESS
-
-
-def _ungroup(text: str) -> tuple[str, str]:
-    """Split the text of a spread into the content of its brackets, if any, and the unit."""
-    inner, bracket, unit = text.strip().rpartition(")")
-    return (inner[1:], unit.strip()) if bracket and inner.startswith("(") else (text, "")
 
 
 def _refuse_length(text: str) -> None:

@@ -121,12 +121,9 @@ def declared_settings(owner: Any) -> Iterator[tuple[dataclasses.Field[Any], Sett
 
 
 def written_settings(owner: Any) -> dict[str, Any]:
-    """Return the settings of an instance as a study file states them, without the defaults.
+    """Return the settings of an instance by key as a study file states them, without the defaults.
 
-    Returns
-    -------
-    dict
-        By key; quantities as they were written.
+    Quantities are as they were written.
     """
     found = {}
     written = getattr(owner, _WRITTEN, {})
@@ -306,38 +303,16 @@ def share(*, expected: str, **options: Any) -> Any:
 
 def probabilities(*, always: tuple[float, ...] = (), **options: Any) -> Any:
     """Declare numbers strictly between 0 and 1, ascending; those of a study join `always`."""
-
-    def read_one(written: Any) -> float:
-        if not _is_within(written, 0, 1):
-            raise QuantityError(toml_text(written), "a probability between 0 and 1")
-        return float(written)
-
-    return setting(
-        "probabilities",
-        "probabilities between 0 and 1",
-        lambda values: all(_is_within(value, 0, 1) for value in values),
-        lambda written, _: tuple(sorted({*always, *read_list(written, read_one)})),
-        default=always,
-        **options,
+    each = "a probability between 0 and 1"
+    return _number_set(
+        "probabilities", "probabilities between 0 and 1", each, 0, 1, always, options
     )
 
 
 def periods(**options: Any) -> Any:
     """Declare numbers of cases above 1, ascending; none by default."""
-
-    def read_one(written: Any) -> float:
-        if not _is_within(written, 1):
-            raise QuantityError(toml_text(written), "a number of cases above 1, such as 10_000")
-        return float(written)
-
-    return setting(
-        "return periods",
-        "numbers of cases above 1",
-        lambda values: all(_is_within(value, 1) for value in values),
-        lambda written, _: tuple(sorted({*read_list(written, read_one)})),
-        default=(),
-        **options,
-    )
+    each = "a number of cases above 1, such as 10_000"
+    return _number_set("return periods", "numbers of cases above 1", each, 1, math.inf, (), options)
 
 
 def choice(*names: str, expected: str = "", **options: Any) -> Any:
@@ -413,21 +388,11 @@ def file(**options: Any) -> Any:
 
 
 def validate(owner: Any, further: Iterable[Problem] = ()) -> None:
-    """Check the settings of an instance; raise an error if one is out of range.
+    """Check the settings of an instance, usually in its ``__post_init__``.
 
-    A quantity that is given as text, such as ``"2.5 m"``, is converted to SI units first.
-
-    Parameters
-    ----------
-    owner : dataclass instance
-        Usually ``self``, in ``__post_init__``.
-    further : iterable of Problem
-        Problems between settings; used only where each setting is valid by itself.
-
-    Raises
-    ------
-    SettingsError
-        Naming every setting that is wrong.
+    A quantity that is given as text, such as ``"2.5 m"``, is converted to SI units first. Further
+    problems, between settings, are used only where each setting is valid by itself. The
+    SettingsError names every setting that is wrong.
     """
     problems = list(convert_quantities(owner))
     if problems:
@@ -457,6 +422,32 @@ def _table(
         return is_table and all(map(accepts, value.values()))
 
     return setting(kind, expected, accepts_all, read, default={})
+
+
+def _number_set(
+    kind: str,
+    expected: str,
+    expected_one: str,
+    above: float,
+    below: float,
+    always: tuple[float, ...],
+    options: Mapping[str, Any],
+) -> Any:
+    """Declare numbers strictly between two others, ascending; those of a study join `always`."""
+
+    def read_one(written: Any) -> float:
+        if not _is_within(written, above, below):
+            raise QuantityError(toml_text(written), expected_one)
+        return float(written)
+
+    return setting(
+        kind,
+        expected,
+        lambda values: all(_is_within(value, above, below) for value in values),
+        lambda written, _: tuple(sorted({*always, *read_list(written, read_one)})),
+        default=always,
+        **options,
+    )
 
 
 def _is_within(value: Any, above: float = -math.inf, below: float = math.inf) -> bool:

@@ -58,7 +58,15 @@ class Dependence(ABC):
     inputs: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        if problems := list(self._check_input_names()):
+        problems = [
+            Problem(("inputs", position), f'"{name}" twice', "each input once")
+            for position, name in enumerate(self.inputs)
+            if name in self.inputs[:position]
+        ]
+        if len(self.inputs) < 2:
+            few = Problem(("inputs",), f"{len(self.inputs)} inputs", "at least two, to be joined")
+            problems = [few]
+        if problems:
             raise SettingsError(problems)
         validate(self, self.check_settings())
 
@@ -132,13 +140,6 @@ class Dependence(ABC):
                 known[position] = self.conditional_score(position, points[:, position], known)
                 points[:, position] = np.clip(self.probability(known[position]), *OPEN_INTERVAL)
         return points
-
-    def _check_input_names(self) -> Iterator[Problem]:
-        if len(self.inputs) < 2:
-            yield Problem(("inputs",), f"{len(self.inputs)} inputs", "at least two, to be joined")
-        for position, name in enumerate(self.inputs):
-            if name in self.inputs[:position]:
-                yield Problem(("inputs", position), f'"{name}" twice', "each input once")
 
 
 def sum_columns(columns: Mapping[int, FloatArray]) -> FloatArray:
@@ -350,19 +351,10 @@ MEASURES = {
 
 
 def score_correlation(correlation: float, measure: str) -> float:
-    """Convert a rank correlation to the correlation of normal scores.
+    """Convert a correlation by one of `MEASURES` to the correlation of normal scores.
 
-    Parameters
-    ----------
-    correlation : float
-        Between -1 and 1.
-    measure : str
-        One of `MEASURES`. The conversion of Kendall's is the same for every elliptical
-        distribution; that of Spearman's is the one of the normal distribution.
-
-    References
-    ----------
-    Kruskal, W. H. (1958). J. Am. Stat. Assoc. 53, 814-861.
+    The conversion of Kendall's is the same for every elliptical distribution; that of Spearman's is
+    the one of the normal distribution (Kruskal, W. H. (1958). J. Am. Stat. Assoc. 53, 814-861).
     """
     if measure == "ranks":
         return 2 * math.sin(math.pi * correlation / 6)

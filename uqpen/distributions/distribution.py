@@ -140,17 +140,7 @@ class UnloadedDistribution(Distribution):
 
     name: str
 
-    def ppf(self, probability: FloatArray) -> NoReturn:
-        self._refuse()
-
-    def isf(self, probability: FloatArray) -> NoReturn:
-        self._refuse()
-
-    def cdf(self, value: FloatArray) -> NoReturn:
-        self._refuse()
-
-    def sf(self, value: FloatArray) -> NoReturn:
-        self._refuse()
-
-    def _refuse(self) -> NoReturn:
+    def _refuse(self, *_: object, **__: object) -> NoReturn:
         raise ModelError(f"{self.name} is not loaded: it has no values without --trust")
+
+    ppf = isf = cdf = sf = _refuse

@@ -108,25 +108,10 @@ class FrozenDistribution(Distribution):
 def frozen_distribution(
     library: str, name: str, parameters: Mapping[str, float], unit: str
 ) -> FrozenDistribution:
-    """Return a distribution by its name in a library and its parameters.
+    """Return a distribution by its name in one of `LIBRARIES` and its parameters.
 
-    Parameters
-    ----------
-    library : str
-        One of `LIBRARIES`.
-    name : str
-        Name of a continuous distribution there, such as ``"genextreme"``.
-    parameters : mapping of str to float
-        Its parameters under the names that the library gives them.
-    unit : str
-        Unit of its values.
-
-    Raises
-    ------
-    LookupError
-        If the library has no such continuous distribution.
-    ValueError
-        If it does not take these parameters, or is not defined for them.
+    LookupError if the library has no such continuous distribution; ValueError if it does not take
+    these parameters, or is not defined for them.
     """
     module = importlib.import_module(LIBRARIES[library])
     family: Any = getattr(module, name, None)
@@ -162,10 +147,7 @@ def is_chaospy(value: object) -> bool:
 def declare(frozen: Any) -> tuple[str, dict[str, Any]] | None:
     """Return the library of a distribution, and its name and parameters as data.
 
-    Returns
-    -------
-    tuple or None
-        None where they do not determine it: it is an expression, or of a class of the user's.
+    None where they do not determine it: it is an expression, or of a class of the user's.
     """
     dist = getattr(frozen, "dist", None)
     if dist is not None and hasattr(frozen, "kwds"):
@@ -174,7 +156,11 @@ def declare(frozen: Any) -> tuple[str, dict[str, Any]] | None:
         library, name = "scipy", dist.name
         parameters = {**dict(zip(names, frozen.args, strict=False)), **frozen.kwds}
     else:
-        library, name, parameters = "chaospy", *_parse_call(repr(frozen), type(frozen))
+        try:
+            library, (name, given, named) = "chaospy", parse_call(repr(frozen))
+            parameters = inspect.signature(type(frozen)).bind(*given, **named).arguments
+        except (SyntaxError, TypeError, ValueError):
+            return None
     try:
         values = {key: float(value) for key, value in parameters.items()}
         again = frozen_distribution(library, name, values, DIMENSIONLESS)
@@ -193,28 +179,14 @@ def _is_family(library: str, module: Any, family: Any) -> bool:
     return isinstance(family, type) and issubclass(family, module.Distribution)
 
 
-def _parse_call(text: str, called: type) -> tuple[str, dict[str, float]]:
-    """Parse the representation of an object as a call with numbers.
+def parse_call(text: str) -> tuple[str, list[Any], dict[str, Any]]:
+    """Parse the representation of an object, such as ``Beta(2, 3, lower=0, upper=4)``.
 
-    Parameters
-    ----------
-    text : str
-        Such as ``"Beta(2, 3, lower=0, upper=4)"``.
-    called : type
-        The class of the object; its signature gives the names of positional parameters.
-
-    Returns
-    -------
-    name, parameters : str and dict
-        Empty where the text is not such a call.
+    Returns its name, its positional and its named parameters. ValueError, SyntaxError or TypeError
+    where it is no call with plain values.
     """
-    try:
-        call = ast.parse(text, mode="eval").body
-        if not isinstance(call, ast.Call) or not isinstance(call.func, ast.Name):
-            return "", {}
-        values = [ast.literal_eval(value) for value in call.args]
-        named = {str(each.arg): ast.literal_eval(each.value) for each in call.keywords}
-        bound = inspect.signature(called).bind(*values, **named)
-    except (SyntaxError, TypeError, ValueError):
-        return "", {}
-    return call.func.id, dict(bound.arguments)
+    call = ast.parse(text, mode="eval").body
+    if not isinstance(call, ast.Call) or not isinstance(call.func, ast.Name):
+        raise ValueError(text)
+    named = {str(each.arg): ast.literal_eval(each.value) for each in call.keywords}
+    return call.func.id, [ast.literal_eval(value) for value in call.args], named

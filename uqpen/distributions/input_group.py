@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import ast
 import importlib
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NoReturn
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from uqpen.core.errors import ModelError
 from uqpen.core.files import FileSnapshot
 from uqpen.core.units import scale
 from uqpen.distributions.distribution import Distribution, UnloadedDistribution
-from uqpen.distributions.frozen import is_chaospy
+from uqpen.distributions.frozen import is_chaospy, parse_call
 from uqpen.distributions.univariate import Discrete
 
 __all__ = [
@@ -106,20 +105,10 @@ class ImplicitMarginal(Distribution):
         """Nominal value of the input in its group."""
         return self.nominal
 
-    def ppf(self, probability: FloatArray) -> FloatArray:
-        raise self._error()
+    def _refuse(self, *_: object, **__: object) -> NoReturn:
+        raise ModelError(f"{self.name} is known by its draws alone, not by those of one input")
 
-    def isf(self, probability: FloatArray) -> FloatArray:
-        raise self._error()
-
-    def cdf(self, value: FloatArray) -> FloatArray:
-        raise self._error()
-
-    def sf(self, value: FloatArray) -> FloatArray:
-        raise self._error()
-
-    def _error(self) -> ModelError:
-        return ModelError(f"{self.name} is known by its draws alone, not by those of one input")
+    ppf = isf = cdf = sf = _refuse
 
 
 @dataclass(frozen=True)
@@ -183,8 +172,11 @@ class ChaospyJoint(InputGroup):
 
     def values(self, unit: FloatArray) -> FloatArray:
         # Blocks of one size: the last bits of a product of matrices depend on the number of rows.
-        blocks = [self._block(unit[start : start + _ROWS]) for start in range(0, len(unit), _ROWS)]
-        values = np.concatenate(blocks)
+        whole = np.full((-(-len(unit) // _ROWS) * _ROWS, len(self.inputs)), 0.5)
+        whole[: len(unit)] = unit
+        blocks = (whole[start : start + _ROWS] for start in range(0, len(whole), _ROWS))
+        mapped = [np.asarray(self.joint.inv(each.T), dtype=np.float64).T for each in blocks]
+        values = np.concatenate(mapped)[: len(unit)]
         measures = [scale(each) for each in self.units]
         factors = np.array([measure.factor for measure in measures])
         return values * factors + np.array([measure.offset for measure in measures])
@@ -193,24 +185,14 @@ class ChaospyJoint(InputGroup):
         middle = self.values(np.full((1, len(self.inputs)), 0.5))
         return tuple(middle[0].tolist())
 
-    def _block(self, unit: FloatArray) -> FloatArray:
-        whole = np.full((_ROWS, len(self.inputs)), 0.5)
-        whole[: len(unit)] = unit
-        found = np.asarray(self.joint.inv(whole.T), dtype=np.float64).T
-        return found[: len(unit)]
-
 
 def chaospy_joint(
     name: str, parameters: Mapping[str, Any], inputs: tuple[str, ...], units: tuple[str, ...]
 ) -> ChaospyJoint:
     """Return a multivariate distribution of chaospy by its name and parameters.
 
-    Raises
-    ------
-    LookupError
-        If it has no such distribution.
-    ValueError
-        If it does not take these parameters, or is of another number of dimensions.
+    LookupError if it has no such distribution; ValueError if it does not take these parameters, or
+    is of another number of dimensions.
     """
     chaospy = importlib.import_module("chaospy")
     family: Any = getattr(chaospy, name, None)
@@ -238,25 +220,21 @@ def is_joint(value: object) -> bool:
 def declare_joint(joint: Any) -> dict[str, Any] | None:
     """Return the name and the parameters of a distribution of chaospy as data.
 
-    Returns
-    -------
-    dict or None
-        None where they do not determine it: its parameters depend on others, say.
+    None where they do not determine it: its parameters depend on others, say.
     """
     inputs = tuple(map(str, range(len(joint))))
     units = ("1",) * len(joint)
     try:
-        call = ast.parse(repr(joint), mode="eval").body
-        if not isinstance(call, ast.Call) or not isinstance(call.func, ast.Name) or call.args:
+        name, given, parameters = parse_call(repr(joint))
+        if given:
             return None
-        parameters = {str(each.arg): ast.literal_eval(each.value) for each in call.keywords}
-        again = chaospy_joint(call.func.id, parameters, inputs, units)
+        again = chaospy_joint(name, parameters, inputs, units)
         unit = np.random.default_rng(0).random((64, len(joint)))
         here = ChaospyJoint(inputs, joint, units, "")
         same = np.array_equal(again.values(unit), here.values(unit))
     except (SyntaxError, TypeError, ValueError, LookupError):
         return None
-    return {"name": call.func.id, **parameters} if same else None
+    return {"name": name, **parameters} if same else None
 
 
 # Rows of a table as the joint distribution of its columns: a posterior sample, say.

@@ -489,7 +489,11 @@ class Truncated(Distribution):
             yield Problem((), "limits of a discrete distribution", "its values within them alone")
             return
         yield from order_problem(self.lower, self.upper)
-        if self.lower < self.upper and not self._has_mass():
+        try:
+            has_mass = self._mass() > 0
+        except ArithmeticError:
+            has_mass = False  # parameters so large or small that the formulas overflow
+        if self.lower < self.upper and not has_mass:
             found = f"{self.lower:g} to {self.upper:g}, where the distribution has no probability"
             yield Problem((), found, "limits that leave some of the distribution")
 
@@ -529,12 +533,6 @@ class Truncated(Distribution):
 
     def _mass(self) -> float:
         return float(self._probability(np.array(self.lower), np.array(self.upper)))
-
-    def _has_mass(self) -> bool:
-        try:
-            return self._mass() > 0
-        except ArithmeticError:
-            return False  # parameters so large or small that the formulas overflow
 
     def _inverse(self, probability: FloatArray, complement: FloatArray) -> FloatArray:
         parent = self.parent

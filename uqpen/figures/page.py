@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import xarray as xr
 
-from uqpen.archive.comparison import find_comparison_faults
 from uqpen.archive.read import is_benchmark, model_trees
-from uqpen.archive.structure import find_level_faults, find_model_faults
+from uqpen.archive.structure import find_comparison_faults, find_level_faults, find_model_faults
 from uqpen.core.errors import ArchiveError, FigureError, UnknownNameError
 from uqpen.core.lookup import choices
 from uqpen.figures import FIGURES, OF_BENCHMARKS

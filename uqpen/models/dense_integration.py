@@ -65,32 +65,16 @@ class Steps(NamedTuple):
     terms: FloatArray
 
     def states(self, step: IntArray, part: FloatArray) -> FloatArray:
-        """Return states inside steps.
+        """Return states inside steps, shape (variable, place).
 
-        Parameters
-        ----------
-        step : ndarray of int, shape (place,)
-            Positions of the steps.
-        part : ndarray, shape (place,)
-            Part of the step that has passed, from 0 to 1.
-
-        Returns
-        -------
-        ndarray, shape (variable, place)
+        A part of a step, from 0 to 1, has passed at each place.
         """
         return _interpolate(self.before[:, step], self.terms[..., step], part)
 
     def parts_at(self, step: IntArray, variable: int, values: FloatArray) -> FloatArray:
         """Return the part of each step after which a variable has a value (Illinois method).
 
-        Parameters
-        ----------
-        step : ndarray of int, shape (place,)
-            Positions of the steps.
-        variable : int
-            The variable.
-        values : ndarray, shape (place,)
-            Between those at the ends of the step.
+        The values lie between those at the ends of the step.
         """
         start, terms = self.before[variable, step], self.terms[:, variable, step]
         old, new = np.zeros(step.size), np.ones(step.size)
@@ -138,7 +122,9 @@ def integrate(
         Error allowed to a step, relative to a variable, and to a hundredth of its scale.
     """
     slope = slopes(start, constants)
-    first = _first_step(slope, scales, tolerance)
+    # The first step to try, which need not be a good one.
+    fastest: FloatArray = np.max(np.abs(slope / scales), axis=0)
+    first = tolerance**0.125 * 0.1 / fastest
     problems = np.arange(start.shape[1])
     batch = _Batch(problems, np.zeros(first.shape), first, start, slope, constants, scales)
     for _ in range(MOST_STEPS):
@@ -155,9 +141,11 @@ def integrate(
             yield Steps(
                 steps.problem, is_over[taken], steps.time, steps.size, steps.state, ends, terms
             )
+        # The eighth root, which is the same on all processors.
+        root = np.sqrt(np.sqrt(np.sqrt(np.maximum(error, _TINY))))
         moved = batch._replace(
             time=np.where(is_taken, batch.time + batch.size, batch.time),
-            size=batch.size * _step_factor(error),
+            size=batch.size * np.clip(_SAFETY / root, _LARGEST_FALL, _LARGEST_RISE),
             state=np.where(is_taken, after, batch.state),
             slope=np.where(is_taken, stages[-1], batch.slope),
         )
@@ -178,12 +166,6 @@ class _Batch(NamedTuple):
     def select(self, which: IntArray) -> _Batch:
         """Return some of the problems."""
         return _Batch._make(each[..., which] for each in self)
-
-
-def _first_step(slope: FloatArray, scales: FloatArray, tolerance: float) -> FloatArray:
-    """Return the length of the first step to try, which need not be a good one."""
-    fastest: FloatArray = np.max(np.abs(slope / scales), axis=0)
-    return tolerance**0.125 * 0.1 / fastest
 
 
 def _try_step(slopes: Slopes, batch: _Batch) -> tuple[list[FloatArray], FloatArray]:
@@ -207,12 +189,6 @@ def _relative_error(
     third = ((_weighted_sum(dop853.ERROR_3, stages) / allowed) ** 2).mean(axis=0)
     error = batch.size * fifth / np.sqrt(np.maximum(fifth + 0.01 * third, _TINY))
     return np.where(np.isfinite(error), error, np.inf)
-
-
-def _step_factor(error: FloatArray) -> FloatArray:
-    """Return the factor from a step to the next one; roots are the same on all processors."""
-    root = np.sqrt(np.sqrt(np.sqrt(np.maximum(error, _TINY))))
-    return np.clip(_SAFETY / root, _LARGEST_FALL, _LARGEST_RISE)
 
 
 def _terms(

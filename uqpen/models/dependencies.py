@@ -41,6 +41,8 @@ class Dependencies:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
+        # The files of its modules, which are known by themselves.
+        self.imported_files: set[str] = set()
         self._at_loading: set[Dependency] = set()
         self._in_run: set[Dependency] = set()
         self._snapshots: dict[Path, FileSnapshot] = {}
@@ -64,34 +66,28 @@ class Dependencies:
         return frozenset(each.line for each in self._in_run)
 
     @contextlib.contextmanager
-    def observe_loading(self, imported: Collection[str]) -> Iterator[None]:
-        """Observe code that is loaded within this context.
-
-        `imported` are the files of its modules, which are complete at the end of the context.
-        """
+    def observed_loading(self) -> Iterator[None]:
+        """Observe code that is loaded within this context."""
         try:
             with self._observation.active():
                 yield
         finally:
-            self._at_loading |= self._seen(imported)
+            self._at_loading |= self._seen()
 
     @contextlib.contextmanager
-    def observed_run(self, imported: Collection[str] = ()) -> Iterator[None]:
-        """Observe a run within this context, as `observe_loading` does."""
+    def observed_run(self) -> Iterator[None]:
+        """Observe a run within this context."""
         try:
             with self._observation.active():
                 yield
         finally:
-            self._in_run |= self._seen(imported) - self._at_loading
+            self._in_run |= self._seen() - self._at_loading
             self._in_run.add(Dependency(OBSERVED, "run"))
 
     def add_reported(self, lines: Collection[str]) -> None:
         """Add what runs in any process have reported.
 
-        Raises
-        ------
-        ModelError
-            If a file or variable is another one now.
+        ModelError if a file or variable is another one now.
         """
         for each in sorted({Dependency.from_line(line) for line in lines}):
             if each in self._in_run or each in self._at_loading:
@@ -113,9 +109,9 @@ class Dependencies:
     def _changed(self) -> set[str]:
         return {each.name for each in self._in_run if each.role == CHANGED}
 
-    def _seen(self, imported: Collection[str]) -> set[Dependency]:
+    def _seen(self) -> set[Dependency]:
         found = set()
-        own = {os.path.abspath(file) for file in imported}
+        own = {os.path.abspath(file) for file in self.imported_files}
         for each, path in self._observation.dependencies(os.path.abspath(self.folder)):
             if path not in own:
                 found.add(each)
@@ -136,30 +132,15 @@ class Dependencies:
 
 
 def current_sha256(dependency: Dependency, folder: Path) -> str:
-    """Return the hash of a file, a module or a variable as it is now; empty where it is not there.
-
-    Parameters
-    ----------
-    dependency : Dependency
-        One with a hash.
-    folder : Path
-        Folder of the study.
-    """
+    """Return the hash of a file, a module or a variable as it is now; empty where it is gone."""
     if dependency.role == ENVIRONMENT:
         return value_sha256(dependency.name, os.environ.get(dependency.name))
     if dependency.role != MODULE:
         return file_sha256(folder / dependency.name)
-    return file_sha256(_module_path(dependency.name))
-
-
-def _module_path(name: str) -> str:
-    """Return the file that a module would be imported from, without importing packages around it.
-
-    It is empty where there is none.
-    """
+    # The file that the module would be imported from, without importing packages around it.
     locations: Sequence[str] | None = None
     file = ""
-    parts = name.split(".")
+    parts = dependency.name.split(".")
     for end in range(1, len(parts) + 1):
         full = ".".join(parts[:end])
         try:
@@ -170,4 +151,4 @@ def _module_path(name: str) -> str:
             return ""
         file = str(getattr(found.loader, "archive", None) or found.origin or "")
         locations = found.submodule_search_locations or []
-    return file
+    return file_sha256(file)

@@ -14,6 +14,7 @@ import textwrap
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from importlib.util import find_spec, resolve_name
+from itertools import chain
 from pathlib import Path
 from types import (
     CodeType,
@@ -100,19 +101,14 @@ class _UnknownSourceError(Exception):
 def function_source(function: Callable[..., Any]) -> FunctionSource:
     """Return the source of a function, also of one defined in a notebook or in a function.
 
-    Parameters
-    ----------
-    function : callable
-        It is read, not called.
-
-    Returns
-    -------
-    FunctionSource
-        Its hash is the same in every process and whatever the lines around the definition.
+    The function is not called. Its hash is the same in every process and whatever the lines around
+    the definition.
     """
     name = getattr(function, "__qualname__", type(function).__name__).rpartition(".")[2]
     name = name.replace("<lambda>", "lambda")
-    text = _readable_source(function)
+    text = ""
+    with contextlib.suppress(OSError, TypeError):  # it cannot be read
+        text = textwrap.dedent(inspect.getsource(function))
     try:
         digest = _digest(_parts(function, name, {}))
     except _UnknownSourceError as reason:
@@ -127,23 +123,13 @@ def _digest(parts: Iterable[bytes]) -> bytes:
     return digest.digest()
 
 
-def _readable_source(function: object) -> str:
-    try:
-        return textwrap.dedent(inspect.getsource(function))  # type: ignore[arg-type]
-    except (OSError, TypeError):
-        return ""
-
-
 def _parts(value: object, label: str, seen: dict[int, int]) -> Iterator[bytes]:
     """Yield a canonical form of a value that a function consists of or takes from outside.
 
     Types are compared exactly: what a subclass adds is not known. `seen` has the number of each
     value that may contain itself.
 
-    Raises
-    ------
-    _UnknownSourceError
-        If it has none, so two values of this kind cannot be distinguished.
+    _UnknownSourceError if it has none, so two values of this kind cannot be distinguished.
     """
     kind = type(value)
     if kind in _CONSTANTS:
@@ -177,10 +163,14 @@ def _array_parts(value: Any) -> Iterator[bytes]:
     yield np.ascontiguousarray(value).tobytes()
 
 
+def _all_parts(values: Iterable[Any], label: str, seen: dict[int, int]) -> Iterator[bytes]:
+    for each in values:
+        yield from _parts(each, label, seen)
+
+
 def _sequence_parts(value: Any, label: str, seen: dict[int, int]) -> Iterator[bytes]:
     yield str(len(value)).encode()
-    for item in value:
-        yield from _parts(item, label, seen)
+    yield from _all_parts(value, label, seen)
 
 
 def _set_parts(value: Any, label: str, seen: dict[int, int]) -> Iterator[bytes]:
@@ -190,19 +180,15 @@ def _set_parts(value: Any, label: str, seen: dict[int, int]) -> Iterator[bytes]:
 
 def _dict_parts(value: Any, label: str, seen: dict[int, int]) -> Iterator[bytes]:
     yield str(len(value)).encode()
-    for pair in value.items():
-        for item in pair:
-            yield from _parts(item, label, seen)
+    yield from _all_parts(chain.from_iterable(value.items()), label, seen)
 
 
 def _partial_parts(value: Any, label: str, seen: dict[int, int]) -> Iterator[bytes]:
-    for item in (value.func, value.args, value.keywords, vars(value)):
-        yield from _parts(item, label, seen)
+    return _all_parts((value.func, value.args, value.keywords, vars(value)), label, seen)
 
 
 def _method_parts(value: Any, label: str, seen: dict[int, int]) -> Iterator[bytes]:
-    for item in (value.__func__, value.__self__):
-        yield from _parts(item, label, seen)
+    return _all_parts((value.__func__, value.__self__), label, seen)
 
 
 def _function_parts(function: Any, label: str, seen: dict[int, int]) -> Iterator[bytes]:
@@ -216,9 +202,16 @@ def _function_parts(function: Any, label: str, seen: dict[int, int]) -> Iterator
         yield name.encode()
         yield from _parts(value, name, seen)
         if isinstance(value, ModuleType) and _is_own(value):
-            yield from _attribute_parts(value, code, seen)
-    for module in _inner_imports(code, str(function.__globals__.get("__package__") or "")):
-        yield from _parts(module, module.__name__, seen)
+            # The values that it names there: a program may have changed them.
+            for own in sorted(
+                {name for each in _nested(code) for name in each.co_names} & {*vars(value)}
+            ):
+                with contextlib.suppress(_UnknownSourceError):  # the module's own hash remains
+                    yield _digest(_parts(vars(value)[own], own, dict(seen)))
+    package = str(function.__globals__.get("__package__") or "")
+    for each in _nested(code):
+        for module in _inner_imports(each, package):
+            yield from _parts(module, module.__name__, seen)
 
 
 def _code_parts(code: CodeType, label: str, seen: dict[int, int]) -> Iterator[bytes]:
@@ -262,29 +255,19 @@ def _own_modules(name: str, module: ModuleType) -> dict[str, ModuleType]:
     return {**found, **reachable_modules(sources, loaded)}
 
 
-def _attribute_parts(module: ModuleType, code: CodeType, seen: dict[int, int]) -> Iterator[bytes]:
-    """Yield the values of a module that a function names: a program may have changed them."""
-    for name in sorted({*_all_names(code)} & {*vars(module)}):
-        with contextlib.suppress(_UnknownSourceError):  # the module's own hash remains
-            yield _digest(_parts(vars(module)[name], name, dict(seen)))
-
-
-def _all_names(code: CodeType) -> Iterator[str]:
-    yield from code.co_names
+def _nested(code: CodeType) -> Iterator[CodeType]:
+    """Yield the code of a function, and of the functions that it defines."""
+    yield code
     for constant in code.co_consts:
         if isinstance(constant, CodeType):
-            yield from _all_names(constant)
+            yield from _nested(constant)
 
 
 def _inner_imports(code: CodeType, package: str) -> Iterator[ModuleType]:
     """Yield the modules of the user's that a function imports when it is called.
 
-    Installed ones are known by their versions, and are not imported before they are needed.
-
-    Raises
-    ------
-    _UnknownSourceError
-        If one of them cannot be imported.
+    Installed ones are known by their versions, and are not imported before they are needed. One
+    that cannot be imported is no known source.
     """
     instructions = [each for each in dis.get_instructions(code) if each.opname != "EXTENDED_ARG"]
     for position, instruction in enumerate(instructions):
@@ -305,9 +288,6 @@ def _inner_imports(code: CodeType, package: str) -> Iterator[ModuleType]:
         for each in names or ():
             with contextlib.suppress(ImportError):
                 yield importlib.import_module(f"{full}.{each}")
-    for constant in code.co_consts:
-        if isinstance(constant, CodeType):
-            yield from _inner_imports(constant, package)
 
 
 def _outside_values(function: FunctionType) -> Iterator[tuple[str, object]]:
@@ -320,22 +300,18 @@ def _outside_values(function: FunctionType) -> Iterator[tuple[str, object]]:
             yield name, cell.cell_contents
         except ValueError:
             raise _UnknownSourceError(f'"{name}" has no value yet') from None
-    for name in sorted(set(_global_names(function.__code__))):
+    names = {
+        str(instruction.argval)
+        for each in _nested(function.__code__)
+        for instruction in dis.get_instructions(each)
+        if instruction.opname in _GLOBALS
+    }
+    for name in sorted(names):
         value = function.__globals__.get(name, vars(builtins).get(name, _MISSING))
         if any(value is each for each in _UNFOLLOWED):
             raise _UnknownSourceError(f'it calls "{name}", which may read anything')
         if value is not _MISSING:
             yield name, value
-
-
-def _global_names(code: CodeType) -> Iterator[str]:
-    """Yield the global names in a function's code and in the functions that it defines."""
-    for instruction in dis.get_instructions(code):
-        if instruction.opname in _GLOBALS:
-            yield str(instruction.argval)
-    for constant in code.co_consts:
-        if isinstance(constant, CodeType):
-            yield from _global_names(constant)
 
 
 def _is_named(value: Any) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import contextlib
 import functools
 import os
 import sys
@@ -59,16 +60,13 @@ def is_installed(file: str) -> bool:
     if file.startswith(_SYSTEM):
         return True
     if file.startswith((*_STANDARD, *_SITE, _PACKAGE_FOLDER)):
-        return _is_recorded(file) if _is_single(file) else True
+        # Of a file directly in a folder of packages alone: reading every record would take long.
+        is_single = any(file.startswith(each) and os.sep not in file[len(each) :] for each in _SITE)
+        return _is_recorded(file) if is_single else True
     real = os.path.realpath(file)
     if real != file and real.startswith((*_STANDARD, *_SITE, _PACKAGE_FOLDER, *_SYSTEM)):
         return is_installed(real)
     return _is_recorded(file)
-
-
-def _is_single(file: str) -> bool:
-    """Check for a file directly in a folder of packages: reading every record would take long."""
-    return any(file.startswith(each) and os.sep not in file[len(each) :] for each in _SITE)
 
 
 def _is_recorded(file: str) -> bool:
@@ -77,9 +75,8 @@ def _is_recorded(file: str) -> bool:
         folder = os.path.abspath(entry) + os.sep
         if file.startswith(folder):
             name = file[len(folder) :].replace(os.sep, "/")
-            if any(
-                b"\n" + name.encode(errors="replace") + b"," in each for each in _records(folder)
-            ):
+            line = f"\n{name},".encode(errors="replace")
+            if any(line in each for each in _records(folder)):
                 return True
     return False
 
@@ -89,10 +86,8 @@ def _records(folder: str) -> list[bytes]:
     """Return the lists of files of the distributions in a folder, one file a line."""
     found = []
     for record in Path(folder).glob("*.dist-info/RECORD"):
-        try:
+        with contextlib.suppress(OSError):
             found.append(b"\n" + record.read_bytes().replace(b'"', b""))
-        except OSError:
-            continue
     return found
 
 
@@ -157,18 +152,13 @@ def reachable_modules(
 ) -> dict[str, ModuleType]:
     """Return those of some modules that sources import, by any statement, or that these import.
 
-    Parameters
-    ----------
-    sources : iterable of (str, bytes)
-        Sources, each with the name of its package.
-    candidates : dict of str to module
-        Modules by name.
+    Each source comes with the name of its package.
     """
     found: dict[str, ModuleType] = {}
     waiting = list(sources) if candidates else []
     while waiting:
         package, source = waiting.pop()
-        for name in _imported_names(source, package):
+        for name in imported_names(source, package):
             if name in candidates and name not in found:
                 found[name] = candidates[name]
                 own = str(_module_attributes(candidates[name]).get("__package__") or "")
@@ -179,7 +169,7 @@ def reachable_modules(
     return found
 
 
-def _imported_names(source: bytes, package: str) -> Iterator[str]:
+def imported_names(source: bytes, package: str) -> Iterator[str]:
     """Yield the modules that a source may import, with the packages that they are in."""
     try:
         nodes = list(ast.walk(ast.parse(source)))

@@ -107,10 +107,7 @@ class Observation:
     def dependencies(self, folder: str) -> Iterator[tuple[Dependency, str]]:
         """Yield what was observed, with hashes as of now and the path of each file.
 
-        Parameters
-        ----------
-        folder : str
-            Folder of the study, which names are relative to.
+        Names are relative to the folder of the study.
         """
         for role, paths in ((OPENED, self._opened), (LIBRARY, self._libraries)):
             for path in sorted(paths):
@@ -161,13 +158,19 @@ class Observation:
                 found = None if value is None else os.fsdecode(value)
                 self._variables.setdefault(text, found)
 
-    def _note_open(self, file: object, mode: object = None, flags: object = 0) -> None:
-        if not isinstance(file, str | bytes | os.PathLike):
-            return  # a file that is open already
-        path = _source(os.path.abspath(os.fsdecode(file)))
+    # A file that is open already is a number, which `os.fsdecode` refuses.
+
+    def _note_open(self, file: Any, mode: object = None, flags: object = 0) -> None:
+        path = os.path.abspath(os.fsdecode(file))
+        if path.endswith(".pyc") and os.path.basename(os.path.dirname(path)) == _CACHED:
+            with contextlib.suppress(ValueError):
+                path = source_from_cache(path)
         if path in self._opened or path in self._written:
             return
-        if isinstance(flags, int) and flags & _WRITING and not _reads_first(flags):
+        flags = flags if isinstance(flags, int) else 0
+        # Of a file that is opened to be read and changed, the content counts.
+        reads_first = flags & os.O_RDWR and not flags & (os.O_TRUNC | os.O_EXCL | os.O_APPEND)
+        if flags & _WRITING and not reads_first:
             self._written.add(path)
         elif os.path.isfile(path) and not self._is_made(path):
             self._opened[path] = _stamp(path)
@@ -178,21 +181,18 @@ class Observation:
             return True
         return _stamp(path)[0] >= self._since
 
-    def _note_folder(self, path: object, *_: object) -> None:
-        if isinstance(path, str | bytes | os.PathLike):
-            self._folders += (os.path.abspath(os.fsdecode(path)) + os.sep,)
+    def _note_database(self, file: Any) -> None:
+        text = os.fsdecode(file).removeprefix("file:").partition("?")[0]
+        if text and text != ":memory:":
+            self._note_open(text)
 
-    def _note_database(self, file: object) -> None:
-        if isinstance(file, str | bytes | os.PathLike):
-            text = os.fsdecode(file).removeprefix("file:").partition("?")[0]
-            if text and text != ":memory:":
-                self._note_open(text)
+    def _note_folder(self, path: Any, *_: object) -> None:
+        self._folders += (os.path.abspath(os.fsdecode(path)) + os.sep,)
 
-    def _note_library(self, name: object, *_: object) -> None:
-        if isinstance(name, str | bytes | os.PathLike) and _is_users():
-            path = os.path.abspath(os.fsdecode(name))
-            if os.path.isfile(path) and not self._is_made(path):
-                self._libraries.add(path)
+    def _note_library(self, name: Any, *_: object) -> None:
+        path = os.path.abspath(os.fsdecode(name))
+        if _is_users() and os.path.isfile(path) and not self._is_made(path):
+            self._libraries.add(path)
 
     def _note_process(
         self, program: object, arguments: object = (), folder: object = None, *_: object
@@ -207,8 +207,8 @@ class Observation:
         else:
             self._note_words([first or words[0], *words[1:]], folder)
 
-    def _note_command(self, command: object, *_: object) -> None:
-        if isinstance(command, str | bytes) and _is_users():
+    def _note_command(self, command: Any, *_: object) -> None:
+        if _is_users():
             self._note_words(shlex.split(os.fsdecode(command)), None)
 
     def _note_fork(self, *_: object) -> None:
@@ -232,10 +232,6 @@ class Observation:
         local = "a socket of this machine"
         self._hosts.add(str(address[0]) if isinstance(address, tuple) else local)
 
-    def _note_setting(self, name: object, *_: object) -> None:
-        if isinstance(name, str | bytes):
-            self._set.add(os.fsdecode(name))
-
 
 _NOTES: dict[str, Callable[..., None]] = {
     "open": Observation._note_open,
@@ -249,7 +245,7 @@ _NOTES: dict[str, Callable[..., None]] = {
     "os.fork": Observation._note_fork,
     "os.forkpty": Observation._note_fork,
     "socket.connect": Observation._note_connection,
-    "os.putenv": Observation._note_setting,
+    "os.putenv": lambda self, name, *_: self._set.add(os.fsdecode(name)),
 }
 
 _observation: Observation | None = None
@@ -296,14 +292,6 @@ def _is_users() -> bool:
     return False
 
 
-def _source(path: str) -> str:
-    """Return the source of a cached module; another path as it is."""
-    if path.endswith(".pyc") and os.path.basename(os.path.dirname(path)) == _CACHED:
-        with contextlib.suppress(ValueError):
-            return source_from_cache(path)
-    return path
-
-
 def _is_noise(path: str) -> bool:
     """Check for a file of the system, of an installed package, or of a cache."""
     if path.startswith(_SYSTEM) or f"{os.sep}{_CACHED}{os.sep}" in path or is_installed(path):
@@ -312,11 +300,6 @@ def _is_noise(path: str) -> bool:
     if path.startswith(cache + os.sep):
         return True
     return os.path.realpath(path) == _INTERPRETER
-
-
-def _reads_first(flags: int) -> bool:
-    """Check that a file is opened to be read and changed, so that its content counts."""
-    return bool(flags & os.O_RDWR) and not flags & (os.O_TRUNC | os.O_EXCL | os.O_APPEND)
 
 
 def _stamp(path: str) -> Stamp:

@@ -1,20 +1,31 @@
-"""Grid of a run's own, such as the steps of an adaptive solver, and the way to the declared one."""
+"""Outputs in what a function of the user returned, and grids of a run's own that they are on."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from uqpen.core.arrays import FloatArray, IntArray
+from uqpen.core.arrays import FloatArray, IntArray, floats
+from uqpen.core.errors import QuantityError
 from uqpen.core.files import FileSnapshot
 from uqpen.core.model import Dimension, Output
 from uqpen.core.status import Status
-from uqpen.core.units import scale
+from uqpen.core.units import are_convertible, scale
 
-__all__ = ["INTERPOLATIONS", "NO_INTERPOLATION", "FieldSources", "RunGrid", "UnusableOutputError"]
+__all__ = [
+    "INTERPOLATIONS",
+    "NO_INTERPOLATION",
+    "FieldSources",
+    "RunGrid",
+    "UnusableOutputError",
+    "dimension_names",
+    "extract_outputs",
+    "in_declared_order",
+]
+
 
 # Programs print their coordinates with a few digits. So a run's grid may end before the declared
 # one, or differ from it, by this part of the whole length.
@@ -50,26 +61,13 @@ class RunGrid:
     def interpolate(
         self, output: Output, values: FloatArray, coordinates: Mapping[str, FloatArray]
     ) -> FloatArray:
-        """Return an output of one run at the declared coordinates.
+        """Return an output of one run at the declared coordinates, of shape (*dims).
 
-        Parameters
-        ----------
-        output : Output
-            The output as it is declared.
-        values : ndarray
-            Its values in the run, an axis for each dimension.
-        coordinates : mapping of str to ndarray, shape (step,)
-            The run's own coordinates, by dimension, in their units.
+        It has values along the run's own coordinates, by dimension, in their units. The result is
+        NaN beyond the end of a curve that may end.
 
-        Returns
-        -------
-        ndarray, shape (*dims)
-            NaN beyond the end of a curve that may end.
-
-        Raises
-        ------
-        UnusableOutputError
-            If the run's grid does not ascend or is too short, or a value on it is no number.
+        UnusableOutputError if the run's grid does not ascend or is too short, or a value on it is
+        no number.
         """
         for axis, dimension in enumerate(output.dims):
             if dimension.name not in self.names:
@@ -91,7 +89,12 @@ class _Line(NamedTuple):
 
     def at_coordinates(self, values: FloatArray, own: FloatArray, interpolation: str) -> FloatArray:
         """Return values along a first axis at the declared coordinates; `own` is in SI units."""
-        self._check_shapes(values, own)
+        if own.ndim != 1:
+            text = f'returned a "{self.name}" of shape {own.shape}, not numbers along one dimension'
+            raise UnusableOutputError(text)
+        if len(values) != len(own):
+            text = f'returned {len(values)} values of "{self.output.name}" at {len(own)} of'
+            raise UnusableOutputError(f'{text} "{self.name}"')
         if self.output.may_end:
             steps = int(np.flatnonzero(~np.isnan(values)).max(initial=-1)) + 1
             values, own = values[:steps], own[:steps]
@@ -111,14 +114,6 @@ class _Line(NamedTuple):
         places = np.clip(wanted[is_there], own[0], own[-1])
         found[is_there] = INTERPOLATIONS[interpolation](own, values, places)
         return found
-
-    def _check_shapes(self, values: FloatArray, own: FloatArray) -> None:
-        if own.ndim != 1:
-            text = f'returned a "{self.name}" of shape {own.shape}, not numbers along one dimension'
-            raise UnusableOutputError(text)
-        if len(values) != len(own):
-            text = f'returned {len(values)} values of "{self.output.name}" at {len(own)} of'
-            raise UnusableOutputError(f'{text} "{self.name}"')
 
     def _check_numbers(self, values: FloatArray, own: FloatArray) -> None:
         """Refuse a grid without an entry, that descends, or with a value that is no number."""
@@ -186,15 +181,11 @@ def _cubic(own: FloatArray, values: FloatArray, places: FloatArray) -> FloatArra
     return np.asarray(found)
 
 
-def _previous(own: FloatArray, values: FloatArray, places: FloatArray) -> FloatArray:
-    return values[_left(own, places)]
-
-
 # The ways from a run's own grid to the declared one. Without interpolation, both must be the same.
 INTERPOLATIONS: Mapping[str, Callable[[FloatArray, FloatArray, FloatArray], FloatArray]] = {
     "linear": _linear,
     "cubic": _cubic,
-    "previous": _previous,
+    "previous": lambda own, values, places: values[_left(own, places)],
 }
 NO_INTERPOLATION = "none"
 
@@ -213,3 +204,151 @@ class FieldSources:
 
     grids: Mapping[str, RunGrid] = field(default_factory=dict)
     files: tuple[FileSnapshot, ...] = ()
+
+
+# Labelled arrays that a model returns, put into the declared order by their labels.
+
+# Coordinates are the same if they differ by this part of the whole length, as after a change of
+# units.
+_SAME_PLACE = 1e-9
+
+
+def in_declared_order(value: Any, output: Output, own: Collection[str] = ()) -> Any:
+    """Return a labelled array in the order of an output's dimensions and of their coordinates.
+
+    Anything else stays as it is. Further dimensions come before those of the output. Along some
+    dimensions, the run may have a grid of its `own`.
+
+    UnusableOutputError if the array has coordinates along a declared dimension, and these are
+    others than declared.
+    """
+    declared = [dimension.name for dimension in output.dims]
+    names = getattr(value, "dims", ())
+    is_labelled = hasattr(value, "transpose") and isinstance(names, tuple)
+    if not declared or not is_labelled or not set(declared) <= set(names):
+        return value
+    for dimension in output.dims:
+        if dimension.name in own or dimension.name not in getattr(value, "coords", ()):
+            continue
+        coordinates = value.coords[dimension.name]
+        if coordinates.dtype.kind not in "iuf":
+            continue  # names of places, which only their order can mean
+        found = _in_si(coordinates, dimension, output)
+        if len(found) == len(dimension.values):  # otherwise the shape is refused
+            value = value.isel({dimension.name: _declared_positions(found, dimension, output)})
+    return value.transpose(..., *declared)
+
+
+def _in_si(coordinates: Any, dimension: Dimension, output: Output) -> FloatArray:
+    """Return coordinates in SI units, from their attribute ``units`` or the declared unit."""
+    declared = dimension.preferred_unit
+    unit = str(coordinates.attrs.get("units", declared))
+    try:
+        if not are_convertible(unit, declared):
+            raise QuantityError(f"the unit {unit}", f"one that converts to {declared}")
+        return np.asarray(scale(unit).array_to_si(np.asarray(coordinates.values, dtype=np.float64)))
+    except QuantityError as error:
+        text = f'returned a "{output.name}" whose {dimension.name} is refused: {error}'
+        raise UnusableOutputError(text) from None
+
+
+def _declared_positions(found: FloatArray, dimension: Dimension, output: Output) -> IntArray:
+    """Return where the array has each of the declared coordinates."""
+    wanted = np.array(dimension.values)
+    order = np.argsort(found, kind="stable")
+    margin = _SAME_PLACE * (wanted[-1] - wanted[0] or abs(wanted[0]))
+    is_same = np.abs(found[order] - wanted) <= margin
+    if not is_same.all():
+        position = int(is_same.argmin())
+        place, other = (dimension.place_text(each[position]) for each in (wanted, found[order]))
+        text = f"{output.name} is not there at {place}: its own coordinates have {other}"
+        raise UnusableOutputError(text)
+    return order
+
+
+# Names in a message; a study may have hundreds of outputs.
+_MOST_NAMED = 4
+
+_NO_GRIDS: Mapping[str, RunGrid] = {}
+
+
+def extract_outputs(
+    returned: object,
+    outputs: Sequence[Output],
+    runs: int | None,
+    grids: Mapping[str, RunGrid] = _NO_GRIDS,
+) -> dict[str, FloatArray]:
+    """Return the declared outputs in the value that a function returned, in its units.
+
+    The `runs` are those of a vectorised call, None for a call that makes one run.
+
+    UnusableOutputError if an output is missing, is not of numbers, or has another shape than
+    declared.
+    """
+    if not isinstance(returned, Mapping):
+        text = f"returned {type(returned).__name__}, not a mapping of outputs"
+        raise UnusableOutputError(f"{text}; expected {_example(outputs, runs)}")
+    found = {}
+    for output in outputs:
+        grid = grids.get(output.name)
+        values = _numbers(returned, output.name, output, grid.names if grid else ())
+        if grid:
+            own = {name: _numbers(returned, key) for name, key in grid.names.items()}
+            shape = tuple(
+                values.shape[axis] if dim.name in own and axis < values.ndim else len(dim.values)
+                for axis, dim in enumerate(output.dims)
+            )
+            _check_shape(output, values, shape, runs)
+            found[output.name] = grid.interpolate(output, values, own)
+        else:
+            shape = output.shape if runs is None else (runs, *output.shape)
+            _check_shape(output, values, shape, runs)
+            found[output.name] = values
+    return found
+
+
+def _numbers(
+    returned: Mapping[Any, Any], name: str, output: Output | None = None, own: Collection[str] = ()
+) -> FloatArray:
+    if name not in returned:
+        others = [f'"{key}"' for key in returned]
+        listing = ", ".join([*others[:_MOST_NAMED], *["…"] * (len(others) > _MOST_NAMED)])
+        raise UnusableOutputError(f'returned no "{name}"{f", but {listing}" * bool(others)}')
+    value = returned[name]
+    try:
+        return floats(value if output is None else in_declared_order(value, output, own))
+    except ValueError as error:
+        raise UnusableOutputError(f'returned a "{name}" of {error}') from None
+
+
+def _check_shape(
+    output: Output, values: FloatArray, shape: tuple[int, ...], runs: int | None
+) -> None:
+    if values.shape != shape:
+        names = ["run"] * (runs is not None) * bool(output.dims)
+        expected = f"{shape}{dimension_names(output, *names)}"
+        text = f'returned a "{output.name}" of shape {values.shape}, not {expected}'
+        # The expected form of a number; that of a field is in its dimensions.
+        hint = "; expected one number; an output with several is declared with along"
+        if output.dims:
+            hint = ""
+        elif runs is not None:
+            hint = "; expected an array with a number for each run"
+        elif values.size == 1:
+            hint = f"; expected one number, such as {output.name}.item()"
+        raise UnusableOutputError(text + hint)
+
+
+def _example(outputs: Sequence[Output], runs: int | None) -> str:
+    """Return an example of what a function returns, in Python."""
+    pairs = [f'"{output.name}": {output.name}' for output in outputs[:_MOST_NAMED]]
+    pairs += ["…"] * (len(outputs) > _MOST_NAMED)
+    of_each = " with arrays along the runs" if runs is not None else ""
+    return f"return {{{', '.join(pairs)}}}{of_each}"
+
+
+def dimension_names(output: Output, *before: str) -> str:
+    """Return the names of the dimensions of a field, in brackets; empty for a number."""
+    if not output.dims:
+        return ""
+    return f" along ({', '.join([*before, *(dimension.name for dimension in output.dims)])})"

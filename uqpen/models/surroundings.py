@@ -8,7 +8,7 @@ import itertools
 import operator
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from types import ModuleType
 
@@ -32,7 +32,7 @@ __all__ = ["MODEL_MODULE", "ModelFolder"]
 MODEL_MODULE = "uqpen_study_"
 
 
-class ModelFolder:
+class ModelFolder(Dependencies):
     """Modules beside a model, which it can import as if run from its own folder.
 
     Two models may lie beside modules of the same name, and the program that calls uqpen may have
@@ -48,13 +48,11 @@ class ModelFolder:
     """
 
     def __init__(self, folder: Path) -> None:
-        self.folder = folder
+        super().__init__(folder)
         self._modules: dict[str, ModuleType] = {}
         self._contents: dict[str, bytes] = {}
         self._imported: frozenset[Dependency] = frozenset()
-        self._files: set[str] = set()
         self._reported: frozenset[str] = frozenset()
-        self.dependencies = Dependencies(folder)
         # Modules known to lie outside the folder, in their order: more than a thousand, checked at
         # every batch.
         self._outside: dict[str, ModuleType] = {}
@@ -69,26 +67,20 @@ class ModelFolder:
     @property
     def lines(self) -> frozenset[str]:
         """All that its runs depend on, as far as it is known, in the same form."""
-        return self.imported | self.dependencies.lines
+        return self.imported | super().lines
 
     @property
     def lines_of_runs(self) -> frozenset[str]:
         """Dependencies that runs report: modules, and those seen in the observed run."""
-        return self.imported | self.dependencies.lines_of_runs
+        return self.imported | super().lines_of_runs
 
     @contextlib.contextmanager
     def loading(self) -> Iterator[None]:
         """Put the folder on the import path, and observe what is loaded within this context."""
-        with self.dependencies.observe_loading(self._files):
+        with self.observed_loading():
             with self.on_import_path():
                 yield
             self._add_reachable()
-
-    @contextlib.contextmanager
-    def observed_run(self) -> Iterator[None]:
-        """Observe a run within this context."""
-        with self.dependencies.observed_run(self._files):
-            yield
 
     @contextlib.contextmanager
     def on_import_path(self) -> Iterator[None]:
@@ -103,8 +95,11 @@ class ModelFolder:
             self._modules = self._remove_modules()
             for module in self._modules.values():
                 self.read(module_file(module))
-            for name, module in self._imported_since(before, count):
-                self._add_module(name, module)
+            is_same, size = self._outside is before, len(self._outside)
+            further = self._outside.items() if not is_same or size > count else ()
+            for name, module in itertools.islice(further, count if is_same else 0, None):
+                if is_same or before.get(name) is not module:
+                    self._add_module(name, module)
             sys.modules.update(outside)
             # The model may have rearranged the path itself.
             with contextlib.suppress(ValueError):
@@ -115,22 +110,19 @@ class ModelFolder:
         path = Path(file)
         if file not in self._contents and path.is_file():
             self._contents[file] = path.read_bytes()
-            self._files.add(file)
+            self.imported_files.add(file)
             sha256 = hashlib.sha256(self._contents[file]).hexdigest()
             self._imported |= {Dependency(IMPORTED, relative_name(file, str(self.folder)), sha256)}
 
-    def add_reported(self, lines: frozenset[str]) -> None:
+    def add_reported(self, lines: Collection[str]) -> None:
         """Add what runs in any process have reported.
 
-        Raises
-        ------
-        ModelError
-            If something of it differs from that here.
+        ModelError if something of it differs from that here.
         """
         if lines == self._reported:
             return
-        self._reported = lines
-        reported = {Dependency.from_line(line) for line in lines - self.lines}
+        self._reported = frozenset(lines)
+        reported = {Dependency.from_line(line) for line in self._reported - self.lines}
         for each in sorted(reported):
             if each.role == IMPORTED:
                 self.read(str(self.folder / each.name))
@@ -141,7 +133,7 @@ class ModelFolder:
                     raise changed_file_error(each.name)
                 self._imported |= {each}
         others = (each.line for each in reported if each.role not in (IMPORTED, MODULE))
-        self.dependencies.add_reported([*others])
+        super().add_reported([*others])
 
     def module_content(self, file: str) -> bytes | None:
         """Return the content of a module of the folder as it was imported; None for another file.
@@ -160,7 +152,7 @@ class ModelFolder:
     def files(self) -> tuple[FileSnapshot, ...]:
         """Return snapshots of the imported files, and of those that were opened."""
         own = (FileSnapshot.from_content(path, content) for path, content in self._sorted())
-        return (*own, *self.dependencies.files())
+        return (*own, *super().files())
 
     def sources(self) -> bytes:
         """Return the joined source of all imported modules."""
@@ -199,24 +191,12 @@ class ModelFolder:
         self._checked = _extent()
         return found
 
-    def _imported_since(
-        self, before: dict[str, ModuleType], count: int
-    ) -> Iterator[tuple[str, ModuleType]]:
-        """Yield the modules outside the folder that were imported after the first ones."""
-        if self._outside is before:
-            if len(before) > count:
-                yield from itertools.islice(before.items(), count, None)
-        else:
-            yield from (
-                each for each in self._outside.items() if before.get(each[0]) is not each[1]
-            )
-
     def _add_module(self, name: str, module: ModuleType) -> None:
         """Add a module that lies elsewhere, unless it is installed."""
         file = module_file(module)
         if not file or is_of_no_model(name) or name.startswith(MODEL_MODULE) or is_installed(file):
             return
-        self._files.add(file)
+        self.imported_files.add(file)
         self._imported |= {Dependency(MODULE, name, module_sha256(name, module))}
 
     def _add_reachable(self) -> None:
@@ -224,7 +204,8 @@ class ModelFolder:
         candidates = {
             name: module
             for name, module in loaded_own_modules().items()
-            if not self._is_inside(module_file(module)) and module_file(module) not in self._files
+            if not self._is_inside(module_file(module))
+            and module_file(module) not in self.imported_files
         }
         packages = {module_file(each): each.__package__ or "" for each in self._modules.values()}
         sources = [(packages.get(file, ""), content) for file, content in self._contents.items()]

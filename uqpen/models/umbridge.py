@@ -11,7 +11,7 @@ import math
 import re
 import socket
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 from urllib.parse import urlsplit
@@ -22,7 +22,7 @@ from uqpen.core.arrays import Arrays, FloatArray, floats
 from uqpen.core.errors import toml_text
 from uqpen.core.files import FileSnapshot
 from uqpen.core.limits import Limits
-from uqpen.core.model import Input, Model, Output, Results, empty_outputs
+from uqpen.core.model import Input, Model, Output, Results, RunOutcome, joined_outcomes
 from uqpen.core.status import Status
 from uqpen.core.units import scale
 from uqpen.models.run_grid import FieldSources
@@ -62,10 +62,7 @@ class Deadline:
     def apply(self, connection: socket.socket) -> None:
         """Limit the next operation of a connection to the time left.
 
-        Raises
-        ------
-        TimeoutError
-            If no time is left.
+        TimeoutError if no time is left.
         """
         left = self.at - time.monotonic()
         if left <= 0.0:
@@ -165,10 +162,7 @@ class Address:
     def parse(cls, text: str) -> Address:
         """Parse the address in a text such as ``"http://127.0.0.1:4242"``.
 
-        Raises
-        ------
-        ValueError
-            If it is none, or has a part that a study should not contain: a password, say.
+        ValueError if it is none, or has a part that a study should not contain: a password, say.
         """
         parts = urlsplit(text)
         host = (parts.hostname or "").encode("idna").decode("ascii")
@@ -205,10 +199,7 @@ class UmbridgeClient:
 
         The body must be convertible to JSON; without a body, a GET request is sent.
 
-        Raises
-        ------
-        NoAnswerError
-            If there is no answer, or it is an error.
+        NoAnswerError if there is no answer, or it is an error.
         """
         try:
             code, phrase, content = self._exchange(what, body)
@@ -286,15 +277,12 @@ class UmbridgeClient:
             # A host that does not even refuse would keep every later run waiting as well.
             self._is_gone = time.monotonic() - begun > _PATIENCE / 2
             raise NoAnswerError(_DISCONNECTED) from None
-        _enable_keepalive(self._connection.sock)
-
-
-def _enable_keepalive(connection: socket.socket) -> None:
-    """Make a connection end when its other end has vanished, without a limit on the run."""
-    connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-    for name, value in _SILENCE.items():
-        with contextlib.suppress(AttributeError, OSError):  # not every system has them all
-            connection.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
+        # So that it ends when its other end has vanished, without a limit on the run.
+        connection = self._connection.sock
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        for name, value in _SILENCE.items():
+            with contextlib.suppress(AttributeError, OSError):  # not every system has them all
+                connection.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
 
 
 def _parse_object(content: bytes) -> dict[str, Any] | None:
@@ -368,23 +356,12 @@ class UmbridgeModel(Model):
     def evaluate(self, inputs: Arrays) -> Results:
         columns = [scale(self.units[v.name]).from_si(inputs[v.name]) for v in self.inputs]
         points = np.stack(columns, axis=1).tolist()
-        outputs = empty_outputs(self.outputs, len(points))
-        sizes = [math.prod(output.shape) for output in self.outputs]
-        status = np.full(len(points), Status.OK, dtype=np.int8)
-        reasons: dict[int, str] = {}
         with UmbridgeClient(self.address, self.time_limit) as server:
-            for run, point in enumerate(points):
-                try:
-                    values = self._request_outputs(server, point)
-                except NoAnswerError as error:
-                    status[run], reasons[run] = error.status, str(error)
-                    continue
-                parts = np.split(values, np.cumsum(sizes)[:-1])
-                for output, part in zip(self.outputs, parts, strict=True):
-                    outputs[output.name][run] = part.reshape(output.shape)
-        for name, column in outputs.items():
-            outputs[name] = scale(self.units[name]).array_to_si(column)
-        return Results(outputs, status, reasons)
+            outcomes = (
+                (slice(run, run + 1), self._request_outcome(server, point))
+                for run, point in enumerate(points)
+            )
+            return joined_outcomes(outcomes, self.outputs, self.units, len(points))
 
     def files(self) -> tuple[FileSnapshot, ...]:
         return self.fields.files
@@ -397,6 +374,15 @@ class UmbridgeModel(Model):
         config = {"config": self.config} if self.config != "{}" else {}
         return {"name": self.name, "kind": "UM-Bridge", **config}
 
+    def _request_outcome(self, server: UmbridgeClient, point: list[float]) -> RunOutcome:
+        try:
+            values = self._request_outputs(server, point)
+        except NoAnswerError as error:
+            return RunOutcome.failed(str(error), error.status)
+        sizes = [math.prod(output.shape) for output in self.outputs]
+        parts = zip(self.outputs, np.split(values, np.cumsum(sizes)[:-1]), strict=True)
+        return RunOutcome({each.name: part.reshape(each.shape) for each, part in parts})
+
     def _request_outputs(self, server: UmbridgeClient, point: list[float]) -> FloatArray:
         """Request the outputs of one run, in the server's units."""
         if self.sizes is None:
@@ -404,7 +390,17 @@ class UmbridgeModel(Model):
         values = iter(point)
         vectors = [list(itertools.islice(values, size)) for size in self.sizes.inputs]
         request = {"name": self.name, "input": vectors, "config": json.loads(self.config)}
-        return _join_vectors(server.request("Evaluate", request).get("output"), self.sizes.outputs)
+        found = server.request("Evaluate", request).get("output")
+        lists = found if isinstance(found, list) else []
+        if [len(v) if isinstance(v, list) else -1 for v in lists] != list(self.sizes.outputs):
+            expected = ", ".join(map(str, self.sizes.outputs))
+            raise NoAnswerError(f"the server's output is not made of vectors of length {expected}")
+        # JSON knows no NaN, and some servers write null instead.
+        flat = [np.nan if value is None else value for vector in lists for value in vector]
+        for value in flat:
+            if type(value) not in (int, float):
+                raise NoAnswerError(f"the server's output has {toml_text(value)}, not a number")
+        return floats(flat)
 
 
 def request_sizes(server: UmbridgeClient, name: str, config: str) -> VectorSizes:
@@ -418,17 +414,3 @@ def request_sizes(server: UmbridgeClient, name: str, config: str) -> VectorSizes
             raise NoAnswerError(f"the server's answer to {what} is no list of whole numbers")
         found.append(tuple(sizes))
     return VectorSizes(*found)
-
-
-def _join_vectors(vectors: Any, sizes: Sequence[int]) -> FloatArray:
-    """Join the values of vectors after a check of their lengths."""
-    lists = vectors if isinstance(vectors, list) else []
-    if [len(v) if isinstance(v, list) else -1 for v in lists] != list(sizes):
-        expected = ", ".join(map(str, sizes))
-        raise NoAnswerError(f"the server's output is not made of vectors of length {expected}")
-    # JSON knows no NaN, and some servers write null instead.
-    flat = [np.nan if value is None else value for vector in lists for value in vector]
-    for value in flat:
-        if type(value) not in (int, float):
-            raise NoAnswerError(f"the server's output has {toml_text(value)}, not a number")
-    return floats(flat)

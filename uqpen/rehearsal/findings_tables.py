@@ -175,7 +175,13 @@ def _entry_json(entry: xr.Dataset) -> dict[str, Any]:
     designs: dict[str, dict[str, Any]] = {name: {} for name in _SIZES.values()}
     for source in _sources(entry):
         of_size = designs[_SIZES[str(source["size"].item())]]
-        of_size[str(source["design"].item())] = _source_json(source)
+        of_size[str(source["design"].item())] = {
+            "runs": int(source["runs"]),
+            "coverage": _estimate(source["coverage"]),
+            "falls_short": bool(source["falls_short"]),
+            "share_with_interval": json_value(source["given"].item()),
+            "half_width": json_value(source["half_width"].item()),
+        }
     names = ("tail_in_surrogate", "tail_in_runs", "hangs_on_tail")
     return {
         "label": entry["label"].item() or None,
@@ -185,16 +191,6 @@ def _entry_json(entry: xr.Dataset) -> dict[str, Any]:
         **{name: json_value(entry[name].item()) for name in names},
         **designs,
         "best": str(entry["best"].item()).split(),
-    }
-
-
-def _source_json(source: xr.Dataset) -> dict[str, Any]:
-    return {
-        "runs": int(source["runs"]),
-        "coverage": _estimate(source["coverage"]),
-        "falls_short": bool(source["falls_short"]),
-        "share_with_interval": json_value(source["given"].item()),
-        "half_width": json_value(source["half_width"].item()),
     }
 
 

@@ -7,12 +7,12 @@ import time
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
 
-from uqpen.benchmark.statistics import BenchmarkStatistic, benchmark_statistics
+from uqpen.benchmark.methods import BenchmarkStatistic, benchmark_statistics
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.catalogue import CATALOGUE, MEASURES
 from uqpen.core.errors import Problem, SettingsError, WorkerError, toml_text
@@ -71,7 +71,7 @@ SECONDS = 300.0
 # Fewer repeats tell nothing, as the interval of a coverage of 100 % then begins below 69 %.
 _FEWEST_STATED = 10
 
-_FEWEST_RUNS = 8
+_FEWEST_COMPARED = 8
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ class RehearsalSettings:
     draws: int = 2**18
 
     def __post_init__(self) -> None:
-        fewest = {"repeats": _FEWEST_STATED, "runs": _FEWEST_RUNS}
+        fewest = {"repeats": _FEWEST_STATED, "runs": _FEWEST_COMPARED}
         problems = [
             Problem((name,), toml_text(value), f"a whole number, at least {least}")
             for name, least in fewest.items()
@@ -146,8 +146,6 @@ def sufficient_runs(study: ValidatedStudy, rule: Precision) -> Iterator[Sufficie
     ----------
     study : ValidatedStudy
         With a surrogate as its only model.
-    rule : Precision
-        The targets.
     """
     known = {quantity.output.name for quantity in study.quantities_of_interest}
     targets = [target for target in rule.each_target() if target.output in known]
@@ -240,21 +238,23 @@ class RepeatWork:
 
     def __call__(self, batch: Batch) -> BatchResult:
         """Return the result of a batch of repeats."""
-        made = [self._repeat(int(number)) for number in batch.inputs[_REPEAT]]
-        runs, estimates = (np.stack(each) for each in zip(*made, strict=True))
-        return BatchResult(batch.start, Results.all_ok({_RUNS: runs, _ESTIMATES: estimates}))
+        made = [
+            [source.estimates(self.study, int(number)) for source in self.sources]
+            for number in batch.inputs[_REPEAT]
+        ]
+        runs = np.array([[runs for runs, _ in each] for each in made], dtype=np.float64)
+        rows = [
+            [
+                np.concatenate([statistic.estimates(found) for statistic in self.statistics])
+                for _, found in each
+            ]
+            for each in made
+        ]
+        return BatchResult(batch.start, Results.all_ok({_RUNS: runs, _ESTIMATES: np.array(rows)}))
 
     def failed_result(self, batch: Batch, status: Status, reason: str) -> BatchResult:
         """Raise an error: a repeat that kills its process says nothing of the intervals."""
         raise WorkerError(f"repeat {batch.start} has ended its process: {reason}")
-
-    def _repeat(self, number: int) -> tuple[FloatArray, FloatArray]:
-        found = [source.estimates(self.study, number) for source in self.sources]
-        rows = [
-            np.concatenate([each.estimates(estimates) for each in self.statistics])
-            for _, estimates in found
-        ]
-        return np.array([runs for runs, _ in found], dtype=np.float64), np.stack(rows)
 
 
 def make_repeats(work: RepeatWork, numbers: range, map: Map) -> Iterator[Repeat]:
@@ -325,13 +325,7 @@ class RepeatRecord:
         return found
 
     def falls_short(self, levels: FloatArray) -> BoolArray:
-        """Return whether intervals hold less often than stated, of shape (source, entry).
-
-        Parameters
-        ----------
-        levels : ndarray, shape (entry,)
-            The stated confidence levels.
-        """
+        """Return whether intervals hold less often than stated, of shape (source, entry)."""
         coverage = self.coverage()
         return np.asarray((coverage[..., 0] < levels - _ALLOWED) & (coverage[..., 2] < levels))
 
@@ -367,15 +361,10 @@ def rehearsal_dataset(
 
     Parameters
     ----------
-    rehearsed : RehearsedStudy
-    work : RepeatWork
-        Its sources and statistics.
     record : RepeatRecord
         The estimates of all repeats.
     tails : ndarray, shape (2, entry)
         As of `tail_record`.
-    wanted : int
-        The number of repeats that was wanted.
 
     Returns
     -------
@@ -386,7 +375,20 @@ def rehearsal_dataset(
         ``hangs_on_tail`` and ``best``.
     """
     coverage, half_width = record.coverage(), record.half_widths()
-    levels = np.array([each["level"] for each in _entries(work)])
+    study = rehearsed.original
+    described = [
+        {
+            "output": statistic.output,
+            "statistic": statistic.name,
+            "label": str(label),
+            "level": statistic.quantity.confidence_level,
+            "units": statistic.units,
+            "display_units": statistic.display_units,
+        }
+        for statistic in work.statistics
+        for label in statistic.entries
+    ]
+    levels = np.array([each["level"] for each in described])
     falls_short = record.falls_short(levels)
     given = record.has_interval.mean(axis=0)
     is_candidate = ~falls_short & (given >= _NEARLY_ALWAYS)
@@ -403,48 +405,22 @@ def rehearsal_dataset(
             "hangs_on_tail": (entries, (tails > _MUCH).any(axis=0)),
             "best": (entries, _best(work, half_width, is_candidate)),
         },
-        {**_source_coordinates(work, record), **_entry_coordinates(work), BOUND: list(BOUNDS)},
-        _attributes(rehearsed, record, wanted),
+        {
+            "design": (sources, [each.name for each in work.sources]),
+            "size": (sources, [each.size for each in work.sources]),
+            "runs": (sources, np.median(record.run_counts, axis=0).astype(np.int64)),
+            **{name: (entries, [each[name] for each in described]) for name in described[0]},
+            BOUND: list(BOUNDS),
+        },
+        {
+            "title": study.title,
+            "study_sha256": study.sha256,
+            "seed": str(study.seed),
+            "surrogate": rehearsed.surrogate.name,
+            "repeats": record.repeats,
+            "repeats_wanted": wanted,
+        },
     )
-
-
-def _attributes(rehearsed: RehearsedStudy, record: RepeatRecord, wanted: int) -> dict[str, Any]:
-    study = rehearsed.original
-    return {
-        "title": study.title,
-        "study_sha256": study.sha256,
-        "seed": str(study.seed),
-        "surrogate": rehearsed.surrogate.name,
-        "repeats": record.repeats,
-        "repeats_wanted": wanted,
-    }
-
-
-def _source_coordinates(work: RepeatWork, record: RepeatRecord) -> dict[str, Any]:
-    return {
-        "design": ("source", [each.name for each in work.sources]),
-        "size": ("source", [each.size for each in work.sources]),
-        "runs": ("source", np.median(record.run_counts, axis=0).astype(np.int64)),
-    }
-
-
-def _entry_coordinates(work: RepeatWork) -> dict[str, Any]:
-    entries = list(_entries(work))
-    return {name: ("entry", [each[name] for each in entries]) for name in entries[0]}
-
-
-def _entries(work: RepeatWork) -> Iterator[dict[str, Any]]:
-    """Yield what describes each entry of each statistic."""
-    for statistic in work.statistics:
-        for label in statistic.entries:
-            yield {
-                "output": statistic.output,
-                "statistic": statistic.name,
-                "label": str(label),
-                "level": statistic.quantity.confidence_level,
-                "units": statistic.units,
-                "display_units": statistic.display_units,
-            }
 
 
 def _best(work: RepeatWork, half_width: FloatArray, is_candidate: BoolArray) -> list[str]:
@@ -541,7 +517,10 @@ def _all_repeats(
             progress.start_step("first repeats", len(repeats), first)
         seconds = (time.perf_counter() - began) / first
         wanted = settings.affordable_repeats(seconds)
-        progress.inform(_announcement(work, wanted, seconds))
+        left = duration_text(seconds * max(wanted - _TIMED, 0))
+        designs = sum(source.size == STATED for source in work.sources)
+        number = f"{grouped_number(wanted)} repeats of {designs} designs"
+        progress.inform(f"{number}, about {left} to go")
         for repeat in make_repeats(work, range(first, wanted), map):
             progress.start_step("repeats", len(repeats) + 1, wanted)
             repeats.append(repeat)
@@ -549,10 +528,3 @@ def _all_repeats(
         if not is_user_interrupt(interrupt) or len(repeats) < 2:
             raise
     return repeats, wanted
-
-
-def _announcement(work: RepeatWork, repeats: int, seconds: float) -> str:
-    """Return the number of repeats, and how long they will take, in words."""
-    left = duration_text(seconds * max(repeats - _TIMED, 0))
-    designs = sum(source.size == STATED for source in work.sources)
-    return f"{grouped_number(repeats)} repeats of {designs} designs, about {left} to go"

@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.read import group_names, model_trees, open_archive, read_group
-from uqpen.benchmark.statistics import BenchmarkStatistic, Estimates
+from uqpen.benchmark.methods import BenchmarkStatistic, Estimates
 from uqpen.core.arrays import FloatArray
 from uqpen.core.blocks import LoadedDataset
 from uqpen.core.errors import ArchiveError, ModelError, Problem, SettingsError, UnknownNameError
@@ -28,7 +28,6 @@ from uqpen.core.labels import (
     SAMPLING,
     STATED,
     STATUS,
-    SURROGATES,
 )
 from uqpen.core.lookup import choices
 from uqpen.core.processors import one_blas_thread
@@ -46,10 +45,10 @@ from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
 from uqpen.statistics.surrogate.surrogate_indices import surrogate_indices
 from uqpen.study.load import load_study
 from uqpen.study.study import ONLY_MODEL, ValidatedStudy, Variant
-from uqpen.surrogates.archived_surrogate import restore_surrogate, surrogate_paths
+from uqpen.surrogates.archived_surrogate import surrogate_paths
 from uqpen.surrogates.diagnostics import refuted_outputs
 from uqpen.surrogates.fitted_surrogate import FittedSurrogate
-from uqpen.verification.archived_study import restored_study
+from uqpen.verification.archived_study import restored_study, study_surrogate
 from uqpen.workflow import run_design
 
 __all__ = [
@@ -96,8 +95,6 @@ class RehearsedSource:
 
         Parameters
         ----------
-        study : ValidatedStudy
-            Of a single model.
         repeat : int
             The number of the repeat, which is the key of its random numbers.
         """
@@ -112,15 +109,7 @@ def run_once(study: ValidatedStudy, design: Design, stream: Stream) -> xr.Datase
 
 
 def run_estimates(runs: xr.Dataset, quantities: Sequence[QuantityOfInterest]) -> Estimates:
-    """Return the estimates that a rehearsal is about, by output and statistic.
-
-    Parameters
-    ----------
-    runs : Dataset
-        Runs of a design.
-    quantities : sequence of QuantityOfInterest
-        Of scalar outputs.
-    """
+    """Return the estimates that a rehearsal is about, by output and statistic."""
     found = analyze(runs, quantities, only=(MOMENTS, QUANTILES, EXCEEDANCE))
     if Sampling(runs.attrs[SAMPLING]) is Sampling.PICK_FREEZE:
         handle = LoadedDataset.of(runs)
@@ -142,9 +131,13 @@ def study_sources(study: ValidatedStudy, runs: int | None = None) -> tuple[Rehea
         The largest number of runs of the forms of equal size; by default as `equal_runs`.
     """
     drawn = {name: each for name, each in study.designs.items() if is_drawn(each)}
-    stated = [RehearsedSource(name, STATED, design) for name, design in drawn.items()]
+    sources = [RehearsedSource(name, STATED, design) for name, design in drawn.items()]
     limit = runs or equal_runs(study)
-    return (*stated, *_equal_sources(study, drawn, limit))
+    for name, design in drawn.items():
+        replicated = design.replicate_count > 1
+        scaled = design.scaled(study.joint, limit, replicated=replicated)
+        sources += [RehearsedSource(name, EQUAL, scaled)] if scaled is not None else []
+    return tuple(sources)
 
 
 def equal_runs(study: ValidatedStudy) -> int:
@@ -156,16 +149,6 @@ def equal_runs(study: ValidatedStudy) -> int:
 def is_drawn(design: Design) -> bool:
     """Check that a design draws other points each time, so that it can be repeated."""
     return design.sampling in _DRAWN and not isinstance(design, UnloadedDesign)
-
-
-def _equal_sources(
-    study: ValidatedStudy, drawn: dict[str, Design], runs: int
-) -> Iterator[RehearsedSource]:
-    for name, design in drawn.items():
-        replicated = design.replicate_count > 1
-        scaled = design.scaled(study.joint, runs, replicated=replicated)
-        if scaled is not None:
-            yield RehearsedSource(name, EQUAL, scaled)
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,7 +192,12 @@ class RehearsedStudy:
             runs do not refute.
         """
         study, variant = self.original, self.original.models[self.model]
-        quantities = tuple(self._quantities())
+        known = {output.name for output in self.fitted.outputs} - self.refuted.keys()
+        quantities = tuple(
+            quantity
+            for quantity in study.model_quantities(variant.model)
+            if quantity.output.name in known and quantity.output.is_number
+        )
         if not quantities and self.refuted:
             reasons = "; ".join(f"{output}: {reason}" for output, reason in self.refuted.items())
             expected = "one that its runs do not refute"
@@ -230,12 +218,6 @@ class RehearsedStudy:
         """Return the values of an output in the study's own runs at drawn points."""
         drawn = [name for name, each in self.original.designs.items() if is_drawn(each)]
         return np.concatenate([ok_values(self.runs[name], output) for name in drawn])
-
-    def _quantities(self) -> Iterator[QuantityOfInterest]:
-        known = {output.name for output in self.fitted.outputs} - self.refuted.keys()
-        for quantity in self.original.model_quantities(self.original.models[self.model].model):
-            if quantity.output.name in known and quantity.output.is_number:
-                yield quantity
 
 
 def ok_values(runs: xr.Dataset, output: str) -> FloatArray:
@@ -261,8 +243,6 @@ def surrogate_truth(
     ----------
     study : ValidatedStudy
         With the surrogate as its model.
-    fitted : FittedSurrogate
-    statistics : sequence of BenchmarkStatistic
     sample : Dataset
         Runs of `large_sample`.
 
@@ -284,25 +264,21 @@ def surrogate_truth(
         }
         for quantity in quantities
     }
-    return [_exact_moment(draws, each, each.estimates(found)) for each in statistics]
+    truth = []
+    for statistic in statistics:
+        values = statistic.estimates(found)
+        forms = draws.closed_forms_of_output(statistic.output)
+        if forms is not None and statistic.name in ("mean", "std"):
+            mean, std = forms.closed_form_moments(statistic.output)
+            values = np.full(values.shape, mean if statistic.name == "mean" else std)
+        truth.append(values)
+    return truth
 
 
 def large_sample(study: ValidatedStudy, draws: int) -> xr.Dataset:
     """Return runs of the only model of a study at a large sample of its inputs."""
     stream = Stream(study.seed, "rehearsal", "truth")
     return run_once(study, SobolSequence(draws, _REPLICATES), stream)
-
-
-def _exact_moment(
-    draws: SurrogateDraws, statistic: BenchmarkStatistic, sampled: FloatArray
-) -> FloatArray:
-    """Return a mean or standard deviation from closed forms if there are any, else as sampled."""
-    forms = draws.closed_forms_of_output(statistic.output)
-    if forms is None or statistic.name not in ("mean", "std"):
-        return sampled
-    mean, std = forms.closed_form_moments(statistic.output)
-    value = mean if statistic.name == "mean" else std
-    return np.full(sampled.shape, value)
 
 
 # Tail of an output beyond the training range of its surrogate, and what hangs on it.
@@ -322,15 +298,6 @@ def tail_record(
     sample: xr.Dataset,
 ) -> FloatArray:
     """Return the shares of all statistics, in draws of the surrogate and in the study's own runs.
-
-    Parameters
-    ----------
-    rehearsed : RehearsedStudy
-    statistics : sequence of BenchmarkStatistic
-    truth : ndarray, shape (entry,)
-        Their true values, one after the other.
-    sample : Dataset
-        Draws of the surrogate.
 
     Returns
     -------
@@ -356,9 +323,6 @@ def tail_shares(
 
     Parameters
     ----------
-    statistic : BenchmarkStatistic
-    truth : ndarray, shape (entry,)
-        Its true values.
     values : ndarray, shape (run,)
         A sample of its output.
     ends : tuple of float
@@ -466,17 +430,8 @@ def _rehearsed(study: ValidatedStudy, tree: xr.DataTree, label: str) -> Rehearse
             f"the study draws its points by code that the archive names: {', '.join(unloaded)}\n"
             "  if you trust whoever made it, say --trust"
         )
-    model, name = surrogate_paths(tree)[label]
+    model, group, fitted = study_surrogate(study, tree, label)
     model_tree = model_trees(tree)[model]
-    settings = study.surrogates[name]
-    is_loaded = name in study.surrogate_origins and not settings.absence
-    group = model_tree.children[SURROGATES].children[name]
-    fitted = restore_surrogate(
-        group,
-        label,
-        study.models[model].model,
-        loaded=type(settings) if is_loaded else None,
-    )
     designs = group_names(model_tree, RUNS)
     runs = {design: read_group(model_tree, RUNS, design) for design in designs}
     return RehearsedStudy(study, model, fitted, runs, refuted_outputs(group))

@@ -144,11 +144,6 @@ def block_anchors(sections: Iterable[tuple[str, Iterable[Block]]]) -> dict[int, 
 
     A name is made of the section, the headings above, and the title, so it stays the same while the
     page around it changes.
-
-    Parameters
-    ----------
-    sections : iterable of tuple
-        The name of each section, and its blocks.
     """
     found: dict[int, str] = {}
     taken: set[str] = set()
@@ -311,13 +306,7 @@ class UserDefinedSection(NamedTuple):
         return ReportSection(title, function.introduction, function.reference)
 
     def blocks(self, view: ArchiveView) -> list[Block]:
-        """Return its blocks for a part of an archive.
-
-        Raises
-        ------
-        ReportError
-            If the function fails, or yields something else.
-        """
+        """Return its blocks for an archive; a ReportError if it fails, or yields something else."""
         with self.function.in_context():
             found = list(self.function.function(view))
         for block in found:
@@ -330,11 +319,8 @@ class UserDefinedSection(NamedTuple):
 def find_sections(named: Sequence[str | SectionFunction]) -> list[UserDefinedSection]:
     """Return the sections with names or references, in their order.
 
-    Parameters
-    ----------
-    named : sequence of str or callable
-        Each is the name of an installed section; or a reference to a function, relative to the
-        current folder; or the function itself.
+    Each is the name of an installed section; or a reference to a function, relative to the current
+    folder; or the function itself.
 
     Raises
     ------
@@ -411,10 +397,7 @@ def write_report(
 def write_page(path: str | Path, make: Callable[[], str]) -> None:
     """Make a page and write it to a file, which is replaced in one step.
 
-    Raises
-    ------
-    ReportError
-        If the name has another ending than .html or .htm, or the file cannot be written.
+    A ReportError is raised as by `write_report`.
     """
     path = Path(path)
     if path.suffix.lower() not in _ENDINGS:
@@ -430,15 +413,7 @@ def write_page(path: str | Path, make: Callable[[], str]) -> None:
 def report_page(
     tree: xr.DataTree, sections: Sequence[str | SectionFunction] = (), *, full: bool = False
 ) -> str:
-    """The report of an archive as HTML; the same text each time.
-
-    Raises
-    ------
-    ReportError
-        If a section of one's own fails; see `write_report`.
-    ArchiveError
-        If the archive lacks what the report goes by.
-    """
+    """The report of an archive as HTML; the same text each time. It raises as `write_report`."""
     every = list(_sections(tree, find_sections(sections)))
     notes = (filled.section.absence_note for filled in every if not filled.blocks)
     shown = [filled for filled in every if filled.blocks]

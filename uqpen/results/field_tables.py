@@ -345,14 +345,9 @@ class FieldPlace(NamedTuple):
 
 
 def find_place(field: xr.DataArray, text: str) -> FieldPlace:
-    """Return the coordinate of a field that is nearest to a text of a user.
+    """Return the coordinate of a field that is nearest to a text such as ``"time=10 day"``.
 
-    Parameters
-    ----------
-    field : DataArray
-        The field over runs.
-    text : str
-        Such as ``"time=10 day"``; without a unit it is that of the study.
+    Without a unit it is in that of the study.
 
     Raises
     ------
@@ -388,23 +383,9 @@ def select_output(
 ) -> tuple[xr.DataTree, list[FieldPlace]]:
     """Return an archive as if its models had one output, the values of a field at some places.
 
-    A field at a place is a number there, and so has the tables and the JSON of one.
-
-    Parameters
-    ----------
-    tree : DataTree
-        An archive of a study.
-    output : str
-        The output that remains.
-    at : sequence of str
-        A place along each dimension to cut, such as ``"time=10 day"``; see `find_place`.
-
-    Returns
-    -------
-    tree : DataTree
-        The archive; the coordinates of the places remain as scalar ones.
-    places : list of FieldPlace
-        The coordinates that were found.
+    A field at a place is a number there, and so has the tables and the JSON of one. `at` has a
+    place along each dimension to cut, see `find_place`; these remain as scalar coordinates, and are
+    returned as well.
 
     Raises
     ------

@@ -90,14 +90,9 @@ _EQUAL_WEIGHT = (
 
 
 def output_tables(tree: xr.DataTree, *, everything: bool = False) -> Iterator[OutputTable]:
-    """Yield the tables of each output of each model, with its sensitivity tables.
+    """Yield the tables of each output of each model of an archive, with its sensitivity tables.
 
-    Parameters
-    ----------
-    tree : DataTree
-        An archive.
-    everything : bool
-        Whether to show all sensitivity measures of the archive.
+    These have all measures with `everything`.
     """
     level = _level_text(tree)
     for head, model in headed_models(tree).items():
@@ -186,15 +181,7 @@ def model_form_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
 
 
 def statistics_table(statistics: SourceStatistics, name: str) -> OutputTable | None:
-    """Return the statistics of one output from all sources; None where no source has any.
-
-    Parameters
-    ----------
-    statistics : SourceStatistics
-        Of one model.
-    name : str
-        The output's.
-    """
+    """Return the statistics of one output from all sources; None where no source has any."""
     is_categorical = "flag_meanings" in statistics.attributes(name)
     sources = list(statistics.by_source(name, "share" if is_categorical else "mean"))
     # Designs that have values far out of an output, and no mean.

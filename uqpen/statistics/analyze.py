@@ -30,6 +30,7 @@ from uqpen.statistics.distribution_function.probabilities import status_probabil
 from uqpen.statistics.estimate import LEVEL, unweighted
 from uqpen.statistics.failure_analysis import failure_analysis
 from uqpen.statistics.fields.field_sample import FieldSample
+from uqpen.statistics.input_columns import RunInputs
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.run_samples import (
     absent_condition,
@@ -95,7 +96,11 @@ def analyze(
     with one_blas_thread():
         handle = LoadedDataset.of(runs)
         if goes_by_blocks(handle, in_memory):
-            found = _analyze_large(handle, quantities, only, user_defined, in_memory)
+            found = {q.output.name: OutputStatistics() for q in quantities}
+            large, of_runs = large_sample(handle, in_memory), run_counts(handle)
+            for name, statistics, used in large.statistics(quantities, only, user_defined):
+                counts = output_run_counts(handle, of_runs, name, used) if used >= 0 else {}
+                found[name] |= {key: _with_counts(each, counts) for key, each in statistics.items()}
         else:
             found = _analyze_whole(handle, quantities, only, user_defined)
         return {output: in_catalogue_order(statistics) for output, statistics in found.items()}
@@ -120,22 +125,6 @@ def large_sample(runs: BlockedRuns, in_memory: int) -> LargeSample:
     return LargeSample(runs, in_memory, _analyze_whole)
 
 
-def _analyze_large(
-    handle: BlockedRuns,
-    quantities: Sequence[QuantityOfInterest],
-    only: Collection[str] | None,
-    user_defined: Sequence[UserDefinedAnalysis],
-    in_memory: int,
-) -> dict[str, OutputStatistics]:
-    """Compute the statistics of a sample of many runs, without all of them in memory."""
-    found: dict[str, OutputStatistics] = {q.output.name: {} for q in quantities}
-    large, of_runs = large_sample(handle, in_memory), run_counts(handle)
-    for name, statistics, used in large.statistics(quantities, only, user_defined):
-        counts = output_run_counts(handle, of_runs, name, used) if used >= 0 else {}
-        found[name] |= {key: _with_counts(array, counts) for key, array in statistics.items()}
-    return found
-
-
 def _analyze_whole(
     handle: BlockedRuns,
     quantities: Sequence[QuantityOfInterest],
@@ -151,25 +140,26 @@ def _analyze_whole(
         drawn = drawn_runs(handle)
         of_runs = run_counts(drawn)
         counts = {name: output_run_counts(drawn, of_runs, name) for name in found}
-        is_weighted = WEIGHT in drawn.template.coords
-        analyses = list(_sample_analyses(ANALYSES, only, is_weighted=is_weighted))
-        _run_one_by_one(analyses, scalars, _samples(drawn, scalars), counts, found)
-        # One field after the other, as the values of one may be most of the memory.
-        for quantity in fields:
-            (sample,) = _samples(drawn, [quantity])
-            field = {quantity.output.name: FieldSample(sample, quantity.output)}
-            analyses = list(_sample_analyses(FIELD_ANALYSES, only, is_weighted=is_weighted))
-            _run_analyses(analyses, [quantity], field, counts, found)
+        # What is made of an output ends with its sample, before the next one is made, as the values
+        # of one field may be most of the memory. What is made of the inputs is common to all.
+        shared: list[RunInputs] = []
+        for of_samples, chosen in ((ANALYSES, scalars), (FIELD_ANALYSES, fields)):
+            analyses = _select(of_samples, only, is_weighted=WEIGHT in drawn.template.coords)
+            samples = _samples(drawn, chosen)
+            for quantity in chosen:
+                name = quantity.output.name
+                found[name] |= _of_sample(analyses, next(samples), quantity, counts[name], shared)
     # A design that is made for a statistic estimates it better than its sample does.
-    for analyses_of_designs, chosen in (
+    for of_designs, chosen in (
         (ANALYSES_OF_DESIGNS, scalars),
         (FIELD_ANALYSES_OF_DESIGNS, fields),
     ):
-        if chosen and (own := list(_select(analyses_of_designs.get(sampling, {}), only))):
-            whole = {name: runs_with_value(handle, name) for name in found}
+        if chosen and (own := _select(of_designs.get(sampling, {}), only)):
             of_runs = run_counts(handle)
-            of_all = {name: output_run_counts(handle, of_runs, name) for name in found}
-            _run_analyses(own, chosen, whole, of_all, found)
+            for quantity in chosen:
+                name = quantity.output.name
+                whole = runs_with_value(handle, name)
+                found[name] |= _of(own, whole, quantity, output_run_counts(handle, of_runs, name))
     if sampling.is_sample and user_defined:
         for quantity, sample in zip(scalars, _samples(drawn, scalars), strict=True):
             name = quantity.output.name
@@ -201,7 +191,9 @@ def analyze_failures(
     found: OutputStatistics = {}
     handle = LoadedDataset.of(runs)
     if goes_by_blocks(handle, in_memory):
-        return _failures_of_large(handle, level, in_memory)
+        large = large_sample(handle, in_memory)
+        found = large.with_note(analyze_failures(large.part, level), texts.RANKS_IN_MEMORY)
+        return {**found, "probability": large.status_probabilities(level, run_counts(handle))}
     counts = run_counts(handle)
     if Sampling(handle.attrs[SAMPLING]).is_sample:
         drawn = drawn_runs(handle)
@@ -212,13 +204,6 @@ def analyze_failures(
     for name, array in analysis(replace(sample_of(handle, STATUS), level=level)):
         found[name] = array.assign_attrs(counts)
     return found
-
-
-def _failures_of_large(handle: BlockedRuns, level: float, in_memory: int) -> OutputStatistics:
-    """Compute the probabilities by blocks, and the associations from a part of the runs."""
-    large = large_sample(handle, in_memory)
-    found = large.with_note(analyze_failures(large.part, level), texts.RANKS_IN_MEMORY)
-    return {**found, "probability": large.status_probabilities(level, run_counts(handle))}
 
 
 def drawn_runs(runs: BlockedRuns) -> BlockedRuns:
@@ -242,56 +227,47 @@ def _samples(runs: BlockedRuns, quantities: Sequence[QuantityOfInterest]) -> Ite
 
 
 def _select(
-    analyses: Mapping[str, Sequence[str]], only: Collection[str] | None
-) -> Iterator[tuple[str, Analysis]]:
-    """Yield the analyses that are wanted, with their names."""
-    for name, references in analyses.items():
-        if only is None or name in only:
-            yield from ((name, resolve(reference)) for reference in references)
+    analyses: Mapping[str, Sequence[str]],
+    only: Collection[str] | None,
+    *,
+    is_weighted: bool = False,
+) -> list[Analysis]:
+    """Return the analyses that are wanted; those that do not know weights without their values."""
+    return [
+        unweighted(resolve(reference))
+        if is_weighted and name not in WEIGHTED_ANALYSES
+        else resolve(reference)
+        for name, references in analyses.items()
+        if only is None or name in only
+        for reference in references
+    ]
 
 
-def _sample_analyses(
-    of_samples: Mapping[str, Sequence[str]], only: Collection[str] | None, *, is_weighted: bool
-) -> Iterator[tuple[str, Analysis]]:
-    """Yield the analyses of a sample that are wanted, with their names."""
-    for name, analysis in _select(of_samples, only):
-        takes = not is_weighted or name in WEIGHTED_ANALYSES
-        yield name, analysis if takes else unweighted(analysis)
+def _of_sample(
+    analyses: Sequence[Analysis],
+    sample: Sample,
+    quantity: QuantityOfInterest,
+    counts: Mapping[str, int | str],
+    shared: list[RunInputs],
+) -> OutputStatistics:
+    """Return the statistics of a sample, and keep its inputs."""
+    shared.append(sample.run_inputs)
+    output = quantity.output
+    evidence = FieldSample(sample, output) if output.dims else sample
+    return _of(analyses, evidence, quantity, counts)
 
 
-def _run_analyses(
-    analyses: Iterable[tuple[str, Analysis]],
-    quantities: Sequence[QuantityOfInterest],
-    evidence: Mapping[str, Any],
-    attributes: Mapping[str, Mapping[str, int | str]],
-    found: Mapping[str, OutputStatistics],
-) -> None:
-    """Put the statistics of several analyses, for each output, among those found."""
-    for _, analysis in analyses:
-        for quantity in quantities:
-            name = quantity.output.name
-            for statistic, array in analysis(evidence[name], quantity):
-                found[name][statistic] = _with_counts(array, attributes[name])
-
-
-def _run_one_by_one(
-    analyses: Sequence[tuple[str, Analysis]],
-    quantities: Sequence[QuantityOfInterest],
-    samples: Iterator[Sample],
-    attributes: Mapping[str, Mapping[str, int | str]],
-    found: Mapping[str, OutputStatistics],
-) -> None:
-    """Put the statistics of one output after the other among those found.
-
-    What is made of an output ends with its sample, before the next one is made. What is made of the
-    inputs is common to all outputs.
-    """
-    shared = []  # would end with the first sample
-    for quantity in quantities:
-        own = {quantity.output.name: next(samples)}
-        shared += [sample.run_inputs for sample in own.values()]
-        _run_analyses(analyses, [quantity], own, attributes, found)
-        own.clear()
+def _of(
+    analyses: Sequence[Analysis],
+    evidence: Any,
+    quantity: QuantityOfInterest,
+    counts: Mapping[str, int | str],
+) -> OutputStatistics:
+    return {
+        name: _with_counts(array, counts)
+        for analysis in analyses
+        for name, array in analysis(evidence, quantity)
+    }
 
 
 def _with_counts(array: xr.DataArray, attributes: Mapping[str, int | str]) -> xr.DataArray:

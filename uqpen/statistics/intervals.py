@@ -29,6 +29,7 @@ __all__ = [
     "ratio_jackknife_error",
     "runs_needed",
     "runs_needed_for_both",
+    "student_interval",
     "student_quantile",
     "upper_rank",
 ]
@@ -37,6 +38,20 @@ __all__ = [
 def student_quantile(freedom: float, level: float) -> float:
     """Half-width of Student's t interval in standard errors; NaN below one degree of freedom."""
     return math.nan if freedom < 1 else float(scipy.special.stdtrit(freedom, 0.5 + level / 2))
+
+
+def student_interval(
+    value: float | FloatArray,
+    error: npt.ArrayLike,
+    freedom: float,
+    level: float,
+    *,
+    lowest: float = -math.inf,
+    highest: float = math.inf,
+) -> tuple[FloatArray, FloatArray]:
+    """Student's t interval of estimates with a standard error, within a range."""
+    half = student_quantile(freedom, level) * np.asarray(error)
+    return np.maximum(value - half, lowest), np.minimum(value + half, highest)
 
 
 def group_sums(values: FloatArray, group: IntArray, groups: int) -> FloatArray:

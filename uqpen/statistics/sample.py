@@ -19,7 +19,7 @@ from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.input_columns import InputColumns, RunInputs
 from uqpen.statistics.ordering import Ordering
 from uqpen.statistics.tally import Tally
-from uqpen.statistics.weights import effective_size, effective_sizes, weighted_mean
+from uqpen.statistics.weights import effective_sizes, weighted_mean
 
 __all__ = [
     "DOUBTFUL_KURTOSIS",
@@ -152,7 +152,7 @@ class Sample:
     @cached_property
     def effective_size(self) -> float:
         """Kish's effective sample size (Σw)²/Σw²; without weights, the number of runs."""
-        return self.size if self.run_weights is None else effective_size(self.run_weights)
+        return self.size if self.run_weights is None else float(effective_sizes(self.run_weights))
 
     def mean(self, values: FloatArray) -> FloatArray:
         """Return the mean of values of shape (..., run), at least one, by the runs' weights."""

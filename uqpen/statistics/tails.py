@@ -93,6 +93,18 @@ def fit_tails(excesses: FloatArray) -> TailFit:
     return TailFit(shape, scale, _anderson_darling(np.sort(excesses, axis=-1), shape, scale))
 
 
+def _anderson_darling(ordered: FloatArray, shape: FloatArray, scale: FloatArray) -> FloatArray:
+    runs, tiny = ordered.shape[-1], np.finfo(np.float64).tiny
+    standard, shape = ordered / scale[..., np.newaxis], shape[..., np.newaxis]
+    is_exponential = np.abs(shape) < _EXPONENTIAL
+    safe = np.where(is_exponential, 1.0, shape)
+    inside = np.maximum(1 + safe * standard, tiny)
+    survival = np.where(is_exponential, -standard, -np.log(inside) / safe)
+    below = np.log(np.maximum(-np.expm1(survival), tiny))
+    weights = (2 * np.arange(1, runs + 1) - 1) / runs
+    return -runs - (weights * (below + survival[..., ::-1])).sum(axis=-1)
+
+
 def _profile(excesses: FloatArray, largest: FloatArray, at: FloatArray) -> FloatArray:
     """Return the log-likelihood for a ratio of shape and scale, over the number of excesses."""
     ratio = np.expm1(at) / largest
@@ -104,22 +116,6 @@ def _profile(excesses: FloatArray, largest: FloatArray, at: FloatArray) -> Float
     )
     # The likelihood has no maximum where the shape is below -1.
     return np.where(shape > -1, -np.log(scale) - shape - 1, -np.inf)
-
-
-def _anderson_darling(ordered: FloatArray, shape: FloatArray, scale: FloatArray) -> FloatArray:
-    runs = ordered.shape[-1]
-    survival = _log_survival(ordered, shape[..., np.newaxis], scale[..., np.newaxis])
-    below = np.log(np.maximum(-np.expm1(survival), np.finfo(np.float64).tiny))
-    weights = (2 * np.arange(1, runs + 1) - 1) / runs
-    return -runs - (weights * (below + survival[..., ::-1])).sum(axis=-1)
-
-
-def _log_survival(excess: FloatArray, shape: FloatArray, scale: FloatArray) -> FloatArray:
-    standard = excess / scale
-    is_exponential = np.abs(shape) < _EXPONENTIAL
-    safe = np.where(is_exponential, 1.0, shape)
-    inside = np.maximum(1 + safe * standard, np.finfo(np.float64).tiny)
-    return np.where(is_exponential, -standard, -np.log(inside) / safe)
 
 
 def log_likelihood(excesses: FloatArray, shape: float, scale: npt.ArrayLike) -> float:
@@ -285,28 +281,24 @@ class _Profile:
     def __call__(self, excess: float) -> float:
         """Return it for a return level, given its excess over the threshold."""
         if excess not in self._found:
-            self._found[excess] = self._largest(excess) if excess > 0 else self._at_threshold()
+            self._found[excess] = self._largest(excess)
         return self._found[excess]
 
-    def _at_threshold(self) -> float:
-        """Return its limit as the level comes down to the threshold: the share is 1/period."""
-        tail = self.tail
-        counted = _counted(len(tail.excesses), len(tail.ordered), 1 / self.period)
-        return log_likelihood(tail.excesses, tail.shape, tail.scale) + counted
-
     def _largest(self, excess: float) -> float:
+        if not excess > 0:  # its limit as the level comes down to the threshold
+            tail = self.tail
+            counted = _counted(len(tail.excesses), len(tail.ordered), 1 / self.period)
+            return log_likelihood(tail.excesses, tail.shape, tail.scale) + counted
+        simplex = self._start + np.array([[0.0, 0.0], [0.1, 0.0], [0.0, 0.1]])
         found = scipy.optimize.minimize(
             lambda at: -self._likelihood(excess, *at),
             self._start,
             method="Nelder-Mead",
-            options={"xatol": 1e-5, "fatol": 1e-6, "initial_simplex": self._simplex()},
+            options={"xatol": 1e-5, "fatol": 1e-6, "initial_simplex": simplex},
         )
         if found.fun < -_IMPOSSIBLE:
             self._start = found.x  # the next level is near
         return -float(found.fun)
-
-    def _simplex(self) -> FloatArray:
-        return self._start + np.array([[0.0, 0.0], [0.1, 0.0], [0.0, 0.1]])
 
     def _likelihood(self, excess: float, shape: float, logarithm: float) -> float:
         # A shape below -1 has no largest likelihood, and a share is below 1.
@@ -412,9 +404,18 @@ def return_levels(
     asked = quantity.requested(CATALOGUE["return_level"])
     if quantity.output.categories or not asked:
         return
-    reason = _reason_of_sample(sample)
+    reason = sample.reason_without_intervals
+    if not reason and sample.weights is not None:
+        reason = texts.NOT_WEIGHTED
+    if not reason and bool(sample.is_constant):
+        reason = texts.CONSTANT_OUTPUT
+    if not reason and sample.size < FEWEST_RUNS:
+        reason = texts.FEW_RUNS_FOR_A_TAIL.format(runs=FEWEST_RUNS)
     tails = [] if reason else list(fitting_tails(sample.sorted_values))
-    reason = reason or _reason_of_tails(tails)
+    if not reason and not tails:
+        reason = texts.NO_TAIL_FITS.format(runs=FEWEST_BEYOND)
+    if tails and tails[0].shape < _SMALLEST_SHAPE:
+        reason = texts.TAIL_ENDS.format(shape=tails[0].shape)
     unit, title = quantity.output.unit, quantity.output.title
     described = {"units": "1", "long_name": "number of cases"}
     periods = np.array(asked)
@@ -429,43 +430,16 @@ def return_levels(
             level=sample.level,
         ),
     )
-    for name, units, value in _described(tails[0] if tails else None, unit):
+    of_tail = [math.nan] * 5
+    if tails:
+        first = tails[0]
+        count = float(len(first.excesses))
+        of_tail = [first.threshold, first.shape, first.scale, count, first.p_value]
+    names, units = ("threshold", "shape", "scale", "runs", "p_value"), (unit, "1", unit, "1", "1")
+    for name, own_unit, value in zip(names, units, of_tail, strict=True):
         estimate = Estimate.without_bounds(value, reason or texts.PART_OF_FIT)
-        long_name = f"{name.replace('_', ' ')} of {title}"
-        yield name, estimate.to_array(units=units, long_name=long_name)
-
-
-def _described(tail: FittedTail | None, unit: str) -> Iterator[tuple[str, str, float]]:
-    """Yield the numbers that describe a tail, with their units; NaN without a tail."""
-    if tail is None:
-        numbers = [math.nan] * 5
-    else:
-        count = float(len(tail.excesses))
-        numbers = [tail.threshold, tail.shape, tail.scale, count, tail.p_value]
-    names = ("tail_threshold", "tail_shape", "tail_scale", "tail_runs", "tail_p_value")
-    yield from zip(names, (unit, "1", unit, "1", "1"), numbers, strict=True)
-
-
-def _reason_of_sample(sample: Sample) -> str:
-    """Return the reason why no tail is fitted to a sample; empty where one is."""
-    if reason := sample.reason_without_intervals:
-        return reason
-    if sample.weights is not None:
-        return texts.NOT_WEIGHTED
-    if bool(sample.is_constant):
-        return texts.CONSTANT_OUTPUT
-    if sample.size < FEWEST_RUNS:
-        return texts.FEW_RUNS_FOR_A_TAIL.format(runs=FEWEST_RUNS)
-    return ""
-
-
-def _reason_of_tails(tails: Sequence[FittedTail]) -> str:
-    """Return the reason why fitted tails give no return level; empty where they do."""
-    if not tails:
-        return texts.NO_TAIL_FITS.format(runs=FEWEST_BEYOND)
-    if tails[0].shape < _SMALLEST_SHAPE:
-        return texts.TAIL_ENDS.format(shape=tails[0].shape)
-    return ""
+        long_name = f"tail {name.replace('_', ' ')} of {title}"
+        yield f"tail_{name}", estimate.to_array(units=own_unit, long_name=long_name)
 
 
 def _return_level(

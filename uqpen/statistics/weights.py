@@ -15,7 +15,6 @@ from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.statistics.intervals import clopper_pearson, student_quantile
 
 __all__ = [
-    "effective_size",
     "effective_sizes",
     "runs_on_a_side",
     "weighted_cdf",
@@ -28,28 +27,21 @@ __all__ = [
 
 
 def effective_sizes(weights: FloatArray) -> FloatArray:
-    """Return `effective_size` of each row of weights, shape (...) of (..., run)."""
-    largest = weights.max(axis=-1, initial=0.0, keepdims=True)
-    shares = weights / np.where(largest > 0, largest, 1.0)
-    squares = (shares**2).sum(axis=-1)
-    return shares.sum(axis=-1) ** 2 / np.where(squares > 0, squares, 1.0)
+    """Effective sample sizes (Σw)²/Σw²: the equally weighted draws with the same error.
 
+    They are those of the rows of weights, shape (...) of (..., run).
 
-def effective_size(weights: FloatArray) -> float:
-    """Effective sample size (Σw)²/Σw²: the equally weighted draws with the same error.
-
-    >>> effective_size(np.array([1.0, 1.0, 0.0]))
+    >>> float(effective_sizes(np.array([1.0, 1.0, 0.0])))
     2.0
 
     References
     ----------
     Kish, L. (1965). Survey Sampling. Wiley.
     """
-    largest = float(weights.max(initial=0.0))
-    if not largest > 0:
-        return 0.0
-    shares = weights / largest  # whose squares neither overflow nor vanish
-    return float(shares.sum() ** 2 / (shares**2).sum())
+    largest = weights.max(axis=-1, initial=0.0, keepdims=True)
+    shares = weights / np.where(largest > 0, largest, 1.0)  # squares neither overflow nor vanish
+    squares = (shares**2).sum(axis=-1)
+    return np.asarray(shares.sum(axis=-1) ** 2 / np.where(squares > 0, squares, 1.0))
 
 
 def runs_on_a_side(weights: FloatArray, is_above: BoolArray) -> FloatArray:
@@ -79,7 +71,7 @@ def weighted_mean_error(influence: FloatArray, weights: FloatArray) -> FloatArra
     -------
     ndarray, shape (...)
     """
-    size = effective_size(weights)
+    size = float(effective_sizes(weights))
     shares = weights / weights.sum()
     deviations = shares * (influence - weighted_mean(influence, weights)[..., np.newaxis])
     return np.sqrt((deviations**2).sum(axis=-1) * size / (size - 1))
@@ -206,7 +198,7 @@ def weighted_probability_interval(
     Korn, E. L. & Graubard, B. I. (1998). Survey Methodology 24, 193-201.
     """
     p, e = np.asarray(probability, dtype=np.float64), np.asarray(error, dtype=np.float64)
-    freedom = effective_size(weights) - 1
+    freedom = float(effective_sizes(weights)) - 1
     wider = student_quantile(len(weights) - 1, level) / student_quantile(freedom, level)
     is_known = (e > 0) & (p > 0) & (p < 1)
     runs = np.divide(p * (1 - p), e**2, out=np.ones_like(p), where=is_known) * wider**2

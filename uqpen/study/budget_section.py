@@ -76,8 +76,6 @@ def plan_runs(runs: int, inputs: int, no_surrogate: str = "") -> tuple[PlannedTa
     ----------
     runs : int
         The largest number of runs of all designs together, 10 at least.
-    inputs : int
-        Number of random inputs.
     no_surrogate : str
         Why no surrogate is planned, if that is known; else empty.
 
@@ -185,12 +183,8 @@ def plan_budget(
 
     Parameters
     ----------
-    root : TableReader
-        The study.
     budget : int
         Number of runs of all designs and models.
-    joint : JointDistribution
-        The inputs.
     models : mapping of str to Variant
         The models; each makes the runs of every design.
     is_constrained : bool

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from functools import partial
 
 from uqpen.core.errors import TableError, toml_text
 from uqpen.designs import DESIGNS
@@ -14,18 +15,13 @@ from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.study.study import Variant, family_costs
 from uqpen.study.table_reader import (
-    OBJECT,
     TableReader,
-    family_member,
     named_tables,
-    read_named_object,
 )
 from uqpen.study.user_defined_members import (
     DESIGN,
     Files,
-    installed_names,
-    is_reference,
-    read_member,
+    read_kind,
 )
 
 __all__ = ["check_designs", "check_models", "check_outputs", "check_tables", "read_designs"]
@@ -64,7 +60,13 @@ def read_designs(table: TableReader) -> tuple[dict[str, Design], dict[str, Files
         table.add_problem((), f"{len(table.content)} designs", expected)
         return {}, {}
     for name, section in named_tables(table):
-        design, loaded = _read_design(section)
+        design, _, loaded = read_kind(
+            section,
+            DESIGN,
+            "design",
+            lambda label, is_object: UnloadedDesign(label),
+            partial(_refuse_rules, section),
+        )
         if design is not None:
             designs[name], files[name] = design, loaded
     if table.is_given and not table.content:
@@ -72,38 +74,14 @@ def read_designs(table: TableReader) -> tuple[dict[str, Design], dict[str, Files
     return designs, files
 
 
-def _read_design(table: TableReader) -> tuple[Design | None, Files]:
-    if OBJECT in table and "kind" not in table:
-        return _read_object(table), ()
-    kind = str(table.content.get("kind"))
-    if is_reference(kind) and not table.trust:
-        return UnloadedDesign(kind), ()
-    if is_reference(kind) or kind in installed_names(DESIGN, kind):
-        table.take("kind")
-        return read_member(table, "kind", kind, DESIGN)
-    built_in = family_member(table, "kind", DESIGNS, "a kind of design")
-    if built_in:
-        _refuse_rules(table, kind, [field.name for field in dataclasses.fields(built_in)])
-    return built_in and table.whole_settings(built_in), ()
-
-
-def _refuse_rules(table: TableReader, kind: str, settings: Collection[str]) -> None:
-    """Note the rules that a kind of design cannot have, given the names of its settings."""
+def _refuse_rules(table: TableReader, design: type) -> None:
+    """Note the rules that a kind of design cannot have."""
+    settings = [field.name for field in dataclasses.fields(design)]
     for key, expected in _RULES.items():
         if key in table and key not in settings:
             table.take(key)
             table.take("at_most")
-            table.add_problem(key, f'{key} with kind = "{kind}"', expected)
-
-
-def _read_object(table: TableReader) -> Design | None:
-    """Read a design that is an object of the Python program; without it, it draws no points."""
-    expected = f'kind = "{DESIGN.form}": a file cannot contain a Python object'
-    found = read_named_object(table, "design", expected)
-    table.check_unknown_keys()
-    if found is None:
-        return None
-    return found.value if isinstance(found.value, Design) else UnloadedDesign(found.name)
+            table.add_problem(key, f'{key} with kind = "{table.content["kind"]}"', expected)
 
 
 def check_tables(

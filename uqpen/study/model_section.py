@@ -42,12 +42,10 @@ __all__ = [
     "USER_DEFINED_MODELS",
     "ModelsTogether",
     "PartialModel",
-    "check_function_grids",
     "check_stand_ins",
     "check_variants",
     "find_variable_faults",
     "mentioned_model",
-    "read_function_limits",
     "read_limits",
     "read_model",
     "read_model_class",
@@ -196,10 +194,8 @@ def read_function(table: TableReader) -> Model | None:
     noted = len(table.problems)
     settings = table.settings(_FunctionSettings)
     is_vectorized = settings is not None and settings.vectorized
-    limits = read_function_limits(table, is_vectorized=is_vectorized)
     code = _UserCode(settings.python if settings else "", table.folder, table.trust)
-    variables = read_variables(table, code.coordinates)
-    check_function_grids(table, variables, is_vectorized=is_vectorized)
+    limits, variables = _read_function_table(table, is_vectorized, code.coordinates)
     if settings is None or len(table.problems) > noted:
         return None
     inputs, outputs, units, fields = variables
@@ -241,13 +237,6 @@ class _UserCode:
         return module_coordinates(module, name, surroundings)
 
 
-def check_function_grids(table: TableReader, variables: Variables, *, is_vectorized: bool) -> None:
-    """Note grids of a run's own where a call of the function makes many runs."""
-    if is_vectorized:
-        expected = "vectorized = false, so that each run is a call of its own"
-        refuse_grids(table, variables.fields, expected)
-
-
 def read_limits(table: TableReader) -> Limits:
     """Read the limits of one run; with trust, note one that this system cannot keep."""
     if "memory_limit" in table and table.trust and not CAN_LIMIT:
@@ -256,15 +245,21 @@ def read_limits(table: TableReader) -> Limits:
     return table.settings(Limits) or Limits()
 
 
-def read_function_limits(table: TableReader, *, is_vectorized: bool) -> Limits:
-    """Read the limits of one run; note one where a call of the function makes many runs."""
+def _read_function_table(
+    table: TableReader,
+    is_vectorized: bool,
+    coordinates: Callable[[str], FloatArray] | None = None,
+) -> tuple[Limits, Variables]:
+    """Read a function's limits and variables; note what is of one run where a call makes many."""
+    each = "vectorized = false, so that each run is a call of its own"
     limits = read_limits(table)
     if is_vectorized and limits:
         limit = "time_limit" if limits.seconds is not None else "memory_limit"
-        table.add_problem(
-            limit, "a limit of one run", "vectorized = false, so that each run is a call of its own"
-        )
-    return limits
+        table.add_problem(limit, "a limit of one run", each)
+    variables = read_variables(table, coordinates)
+    if is_vectorized:
+        refuse_grids(table, variables.fields, each)
+    return limits, variables
 
 
 def unloaded_function(reference: str) -> tuple[Callable[..., Any], None]:
@@ -299,7 +294,9 @@ def find_variable_faults(model: Model) -> Faults:
         for variable in variables:
             yield from _variable_faults(variable, known)
             known.add(variable.name)
-    yield from _alternative_faults(model, known)
+    groups = model.alternatives
+    if not (_are(groups, tuple) and all(name in known for group in groups for name in group)):
+        yield f"alternatives = {groups!r}", "a tuple of tuples with names of inputs"
     yield from _dimension_faults(model, known)
 
 
@@ -309,10 +306,16 @@ def _variable_faults(variable: Input | Output, known: set[str]) -> Faults:
         expected = f"a name of letters, digits and _, at most 100, used once, none of {others}"
         yield _text(variable), expected
     yield from _unit_faults(variable)
-    if isinstance(variable, Input):
-        yield from _value_faults(variable)
-    elif not _are(variable.categories, Category):
-        yield f"{_text(variable)} with other categories", "categories, a tuple of Category"
+    what = _text(variable)
+    if isinstance(variable, Output):
+        if not _are(variable.categories, Category):
+            yield f"{what} with other categories", "categories, a tuple of Category"
+        return
+    if not _is(variable.bounds, Bounds):
+        yield f"{what} with bounds={variable.bounds!r}", "an object of uqpen.core.model.Bounds"
+    if variable.default is not None and not is_finite_number(variable.default):
+        found = f"{what} with default={variable.default!r}"
+        yield found, f"a number in its SI unit, {variable.unit}"
 
 
 def _unit_faults(variable: Variable) -> Faults:
@@ -324,25 +327,6 @@ def _unit_faults(variable: Variable) -> Faults:
             yield f"{what} with display_unit={variable.display_unit!r}", f"a unit like {coherent}"
     except QuantityError as error:
         yield f"{what}: {error}", "its coherent SI unit"
-
-
-def _value_faults(variable: Input) -> Faults:
-    """Yield what is wrong with the default value and the bounds of an input."""
-    what = _text(variable)
-    if not _is(variable.bounds, Bounds):
-        yield f"{what} with bounds={variable.bounds!r}", "an object of uqpen.core.model.Bounds"
-    if variable.default is not None and not is_finite_number(variable.default):
-        yield (
-            f"{what} with default={variable.default!r}",
-            f"a number in its SI unit, {variable.unit}",
-        )
-
-
-def _alternative_faults(model: Model, known: set[str]) -> Faults:
-    groups = model.alternatives
-    is_valid = _are(groups, tuple) and all(name in known for group in groups for name in group)
-    if not is_valid:
-        yield f"alternatives = {groups!r}", "a tuple of tuples with names of inputs"
 
 
 def _dimension_faults(model: Model, known: set[str]) -> Faults:
@@ -437,9 +421,7 @@ def read_object(table: TableReader) -> Model | None:
         table.add_wrong(OBJECT, named, expected)
     function = (objects or {}).get(table.path)
     is_vectorized = settings is not None and settings.vectorized
-    limits = read_function_limits(table, is_vectorized=is_vectorized)
-    variables = read_variables(table)
-    check_function_grids(table, variables, is_vectorized=is_vectorized)
+    limits, variables = _read_function_table(table, is_vectorized)
     inputs, outputs, units, fields = variables
     if settings is None or len(table.problems) > noted:
         return None
@@ -481,11 +463,9 @@ class ModelsTogether(Model):
     further_inputs: tuple[Input, ...]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "name", self.first.name)
         object.__setattr__(self, "inputs", (*self.first.inputs, *self.further_inputs))
-        object.__setattr__(self, "outputs", self.first.outputs)
-        object.__setattr__(self, "alternatives", self.first.alternatives)
-        object.__setattr__(self, "derived", self.first.derived)
+        for name in ("name", "outputs", "alternatives", "derived"):
+            object.__setattr__(self, name, getattr(self.first, name))
 
     def evaluate(self, inputs: Arrays) -> Results:
         """Refuse to run: each model of the study is run by itself."""
@@ -525,6 +505,10 @@ def check_variants(root: TableReader, variants: dict[str, Variant], random: set[
 
 def check_stand_ins(root: TableReader, models: Mapping[str, Variant]) -> None:
     """Note stand-ins for no other model, in a circle, or without a number in common."""
+
+    def numbers(name: str) -> set[str]:
+        return {each.name for each in models[name].model.all_outputs if each.is_number}
+
     names = list(root.table("models"))
     stand_ins = {name: each.stand_in for name, each in models.items() if each.stand_in}
     for name, stand_in in stand_ins.items():
@@ -535,7 +519,7 @@ def check_stand_ins(root: TableReader, models: Mapping[str, Variant]) -> None:
         elif name in _ancestors(name, stand_ins):
             expected = "a model that does not stand for this one in its turn"
             root.add_wrong(key, other, expected)
-        elif other in models and not _have_numbers_in_common(models[name], models[other]):
+        elif other in models and not numbers(name) & numbers(other):
             found = f'a model that has no number in common with "{other}"'
             root.add_problem(key, found, "an output that is a number in both models")
 
@@ -549,14 +533,6 @@ def _ancestors(name: str, stand_ins: Mapping[str, StandIn]) -> list[str]:
     return found
 
 
-def _have_numbers_in_common(one: Variant, other: Variant) -> bool:
-    numbers, others = (
-        {output.name for output in each.model.all_outputs if output.is_number}
-        for each in (one, other)
-    )
-    return bool(numbers & others)
-
-
 def _read_several(table: TableReader, mentioned: PartialModel) -> tuple[dict[str, Variant], Model]:
     found: dict[str, Variant] = {}
     first: Model | None = None
@@ -565,7 +541,9 @@ def _read_several(table: TableReader, mentioned: PartialModel) -> tuple[dict[str
         table.add_problem((), "an empty table", "a [models.<name>]")
     for name, section in named_tables(table):
         replaced = section.table("with")
-        stand_in = _read_stand_in(section)
+        # A model with none of these keys stands for no other.
+        is_stand_in = any(field.name in section for field, _ in declared_settings(StandIn))
+        stand_in = section.settings(StandIn) if is_stand_in else None
         model = read_model(section)
         known = model or read_partial_model(section, mentioned)
         if name == next(iter(table)):
@@ -583,12 +561,6 @@ def _read_several(table: TableReader, mentioned: PartialModel) -> tuple[dict[str
     own = {each.name for each in first.inputs}
     further = tuple(each for name, each in inputs.items() if name not in own)
     return found, ModelsTogether(first, further) if further else first
-
-
-def _read_stand_in(table: TableReader) -> StandIn | None:
-    """Read which model another one stands for, and its cost; None where it stands for none."""
-    keys = [field.name for field, _ in declared_settings(StandIn)]
-    return table.settings(StandIn) if any(key in table for key in keys) else None
 
 
 def _read_given_inputs(table: TableReader, model: Model) -> dict[str, float]:

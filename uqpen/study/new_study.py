@@ -189,8 +189,6 @@ def function_draft(path: Path, name: str, reference: str) -> Draft:
 
     Parameters
     ----------
-    path : Path
-        The Python file.
     name : str
         The function; empty for the only public one.
     reference : str
@@ -275,7 +273,10 @@ def _inputs(arguments: ast.arguments) -> tuple[list[DraftInput], list[str]]:
     left: list[str] = []
     for argument, default in pairs:
         nominal = None if default is None else _number(default)
-        if default is not None and (nominal is None or _annotation(argument) in ("int", "bool")):
+        if default is not None and (
+            nominal is None
+            or (ast.unparse(argument.annotation) if argument.annotation else "") in ("int", "bool")
+        ):
             left.append(argument.arg)
         else:
             inputs.append(DraftInput(argument.arg, nominal, _unit(argument)))
@@ -290,10 +291,6 @@ def _number(node: ast.expr) -> float | None:
     except (ValueError, TypeError, OverflowError, MemoryError, RecursionError):
         return None
     return float(value) if is_number else None
-
-
-def _annotation(argument: ast.arg) -> str:
-    return ast.unparse(argument.annotation) if argument.annotation else ""
 
 
 def _unit(argument: ast.arg) -> str:
@@ -368,7 +365,10 @@ def command_draft(words: Sequence[str], template: Path | None, reference: str) -
     model = [f"command = {json.dumps(list(words), ensure_ascii=False)}"]
     model.append('# time_limit = "10 min"  # of one run')
     if template:
-        file = json.dumps(_run_file(template), ensure_ascii=False)
+        # Of "input.txt.template", the run has "input.txt".
+        endings = (each for each in _ENDINGS if template.name.endswith(each))
+        bare = template.name.removesuffix(next(endings, ""))
+        file = json.dumps(bare or template.name, ensure_ascii=False)
         model += ["\n[model.templates]", f"{file} = {json.dumps(reference, ensure_ascii=False)}"]
     writes_json = "{outputs}" in text
     return Draft(
@@ -388,13 +388,6 @@ def _read(path: Path) -> str:
         raise ModelError(f"{path}: cannot be read: {error.strerror}") from None
     except UnicodeDecodeError:
         raise ModelError(f"{path}: is not UTF-8") from None
-
-
-def _run_file(template: Path) -> str:
-    """Return the name of the file that a template makes in the folder of a run."""
-    name = template.name
-    ending = next((each for each in _ENDINGS if name.endswith(each) and name != each), "")
-    return name.removesuffix(ending) if ending else name
 
 
 # What uqpen does with columns that are neither input nor output.
@@ -487,13 +480,6 @@ class DataDraft:
 
 def data_draft(path: Path, reference: str) -> DataDraft:
     """Return the draft of a study of a data file, which may be of any format that uqpen reads.
-
-    Parameters
-    ----------
-    path : Path
-        The data file.
-    reference : str
-        Its path as the study names it.
 
     Raises
     ------

@@ -51,8 +51,6 @@ def family_costs(first: str, stand_ins: Mapping[str, StandIn]) -> dict[str, floa
 
     Parameters
     ----------
-    first : str
-        The name of the model.
     stand_ins : mapping of str to StandIn
         The stand-ins of a study by name. Some may stand for other stand-ins, without a circle.
     """

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from functools import partial
 
 from uqpen.core.labels import WEIGHT
 from uqpen.core.lookup import choices, family_name
@@ -18,12 +19,9 @@ from uqpen.study.study import SurrogateOrigin, Variant
 from uqpen.study.table_reader import (
     OBJECT,
     TableReader,
-    family_member,
     named_tables,
-    read_named_object,
 )
-from uqpen.study.user_defined_members import SURROGATE, installed_names, is_reference, read_member
-from uqpen.surrogates import SURROGATES
+from uqpen.study.user_defined_members import SURROGATE, read_kind
 from uqpen.surrogates.refinement import (
     FOR_PROBABILITIES,
     RefinedDesign,
@@ -61,12 +59,16 @@ def read_surrogates(
         if name in designs:
             section.add_problem((), f'"{name}", which is a design', "a name that no design has")
             continue
-        surrogate, origin = _read_surrogate(section)
+        if "kind" in section or OBJECT not in section:
+            section.settings(Refinement)  # of any kind; read again where the designs are known
+        surrogate, origin, files = read_kind(
+            section, SURROGATE, "surrogate", partial(_unloaded, section)
+        )
         if surrogate is None:
             continue
         found[name] = surrogate
-        if origin is not None:
-            origins[name] = origin
+        if origin:
+            origins[name] = SurrogateOrigin(origin, files)
         _check_names(section, surrogate, designs)
     return found, origins
 
@@ -105,43 +107,16 @@ def check_surrogates(
             table.add_problem(name, surrogate.absence, "a surrogate that can be fitted here")
 
 
-def _read_surrogate(table: TableReader) -> tuple[Surrogate | None, SurrogateOrigin | None]:
-    """Return a surrogate and, of a user-defined one, its origin."""
-    if OBJECT in table and "kind" not in table:
-        return _read_object(table)
-    table.settings(Refinement)  # of any kind; read again where the designs are known
-    kind = str(table.content.get("kind"))
-    if is_reference(kind) and not table.trust:
-        return _unloaded(table, kind), SurrogateOrigin(kind)
-    if is_reference(kind) or kind in installed_names(SURROGATE, kind):
-        table.take("kind")
-        surrogate, files = read_member(table, "kind", kind, SURROGATE)
-        return surrogate, SurrogateOrigin(kind, files)
-    built_in = family_member(table, "kind", SURROGATES, "a kind of surrogate")
-    return built_in and table.whole_settings(built_in), None
-
-
-def _unloaded(table: TableReader, kind: str) -> UnloadedSurrogate:
-    """Return a stand-in with the designs that the table names, whatever else it has."""
+def _unloaded(table: TableReader, kind: str, is_object: bool) -> UnloadedSurrogate:
+    """Return a stand-in; of code, with the designs that the table names, whatever else it has."""
+    if is_object:
+        return UnloadedSurrogate(kind, is_object=True)
     design, check = table.content.get("design"), table.content.get("check")
     return UnloadedSurrogate(
         kind,
         design if isinstance(design, str) else "",
         check if isinstance(check, str) else None,
     )
-
-
-def _read_object(table: TableReader) -> tuple[Surrogate | None, SurrogateOrigin | None]:
-    """Read a surrogate that is an object of the Python program; without it, it is not fitted."""
-    expected = f'kind = "{SURROGATE.form}": a file cannot contain a Python object'
-    found = read_named_object(table, "surrogate", expected)
-    table.check_unknown_keys()
-    if found is None:
-        return None, None
-    origin = SurrogateOrigin(found.name)
-    if isinstance(found.value, Surrogate):
-        return found.value, origin
-    return UnloadedSurrogate(found.name, is_object=True), origin
 
 
 def _check_names(section: TableReader, surrogate: Surrogate, designs: Collection[str]) -> None:
@@ -200,12 +175,8 @@ def refined_designs(
     ----------
     table : TableReader
         ``[surrogates]``.
-    surrogates, designs
-        By name.
     variants : mapping of str to Variant
         The models of the study.
-    quantities : sequence of QuantityOfInterest
-    constraints : tuple of Constraint
     """
     found = dict(designs)
     for name, surrogate in surrogates.items():

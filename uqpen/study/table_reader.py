@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 from uqpen.core.errors import Problem, QuantityError, SettingsError, toml_text
-from uqpen.core.labels import NAME
+from uqpen.core.labels import NAME, RESERVED
 from uqpen.core.lookup import choices, resolve
 from uqpen.core.model import Model
 from uqpen.core.quantities import parse_quantity
@@ -24,6 +24,7 @@ __all__ = [
     "TableReader",
     "check_names",
     "family_member",
+    "is_variable_name",
     "named_tables",
     "read_named_object",
 ]
@@ -228,7 +229,10 @@ class TableReader:
             key = setting.key or field.name
             written = self.take(key)
             if written is None:
-                if field.name not in values and _is_required(field):
+                if field.name not in values and (
+                    field.default is dataclasses.MISSING
+                    and field.default_factory is dataclasses.MISSING
+                ):
                     expected = describe(like) if setting.has_dimension else setting.expected
                     problems.append(Problem((key,), "nothing", expected))
                 continue
@@ -263,6 +267,16 @@ def check_names(table: TableReader, known: Collection[str], what: str, model: Mo
     return [name for name in table if name in known]
 
 
+def is_variable_name(table: TableReader, name: str) -> bool:
+    """Check that a key of a table can be the name of an input or output; note it if not."""
+    is_name = bool(NAME.match(name)) and name not in RESERVED
+    if not is_name:
+        others = ", ".join(sorted(RESERVED))
+        expected = f"a name of letters, digits and _, at most 100, none of {others}"
+        table.add_wrong(name, name, expected)
+    return is_name
+
+
 def named_tables(table: TableReader) -> Iterator[tuple[str, TableReader]]:
     """Yield the tables in a table by name; what cannot be the name of a group is noted."""
     for name in table:
@@ -286,10 +300,6 @@ def family_member(
         return name and resolve(family[name])
     table.add_wrong(key, name, f"{what}; {choices(name, family)}")
     return None
-
-
-def _is_required(field: dataclasses.Field[Any]) -> bool:
-    return field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
 
 
 # The key with the name of an object.

@@ -24,8 +24,8 @@ from uqpen.designs.stopping.stopping_rule import StoppingRule
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.running_estimates import RunningEstimates
-from uqpen.statistics.weights import effective_size
-from uqpen.testing.example import EXAMPLE_OUTPUT, example_joint_distribution, sum_runs
+from uqpen.statistics.weights import effective_sizes
+from uqpen.testing.contracts import EXAMPLE_OUTPUT, example_joint_distribution, sum_runs
 
 __all__ = ["check_design", "check_extension", "check_stopping_rule"]
 
@@ -81,7 +81,7 @@ def check_design(design: Design, joint: JointDistribution | None = None) -> None
             values = np.concatenate([points[entry.variable.name].values for points in rounds])
             weights = np.concatenate([_weights(points) for points in rounds])
             share = float((weights * (entry.distribution.cdf(values) < 0.5)).sum() / weights.sum())
-            error = 0.5 / np.sqrt(effective_size(weights))
+            error = 0.5 / np.sqrt(effective_sizes(weights))
             found = f"{share:.3f} of the points of {entry.variable.name} lie below its median"
             assert abs(share - 0.5) <= _ERRORS * error, found
 

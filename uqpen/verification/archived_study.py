@@ -17,7 +17,7 @@ import xarray as xr
 from uqpen.archive.files import FILES, ArchivedFile, archived_files, extract_files, files_by_name
 from uqpen.archive.read import group_names, is_benchmark, model_trees, read_group
 from uqpen.core.errors import ArchiveError, ModelError, SettingsError, StudyError, UqpenError
-from uqpen.core.labels import CURVE_MAY_END, DERIVED_FROM, ROLE, RUN, RUNS, SAMPLING
+from uqpen.core.labels import CURVE_MAY_END, DERIVED_FROM, ROLE, RUN, RUNS, SAMPLING, SURROGATES
 from uqpen.core.model import Category, Dimension, Input, Output
 from uqpen.core.sampling import Sampling
 from uqpen.designs.design import UnloadedDesign
@@ -31,12 +31,12 @@ from uqpen.study.study import ValidatedStudy, Variant
 from uqpen.study.table_reader import OBJECT
 from uqpen.study.user_defined_members import (
     is_reference,
-    object_members,
-    object_surrogates,
-    referenced_members,
-    referenced_surrogates,
+    named_objects,
+    named_references,
 )
 from uqpen.study.variables_section import dimensions_from_model
+from uqpen.surrogates.archived_surrogate import restore_surrogate, surrogate_paths
+from uqpen.surrogates.fitted_surrogate import FittedSurrogate
 
 __all__ = [
     "NamedCode",
@@ -49,6 +49,7 @@ __all__ = [
     "refuse_user_defined_names",
     "restored_study",
     "run_inputs",
+    "study_surrogate",
     "with_kept_folders",
 ]
 
@@ -98,13 +99,13 @@ def named_code(tree: xr.DataTree) -> NamedCode:
     analyses = listed if isinstance(listed, list) else []
     return NamedCode(
         models=[code for code in map(_model_code, models) if code],
-        members=referenced_members(content),
-        surrogates=referenced_surrogates(content),
+        members=named_references(content, "designs", "inputs"),
+        surrogates=named_references(content, "surrogates"),
         analyses=[str(each) for each in analyses if is_reference(each)],
         objects={
             "model": [str(table[OBJECT]) for table in models if OBJECT in table],
-            "design or distribution": object_members(content),
-            "surrogate": object_surrogates(content),
+            "design or distribution": named_objects(content, "designs", "inputs", "joint"),
+            "surrogate": named_objects(content, "surrogates"),
         },
         data=[str(table[DATA]) for table in models if DATA in table],
     )
@@ -285,8 +286,6 @@ def restored_study(
 
     Parameters
     ----------
-    tree : DataTree
-        An archive without faults.
     folder : Path or None
         Folder with the files that the study names; None for the archived files. Files that the
         archive has only as hashes are then taken from the current folder.
@@ -326,6 +325,21 @@ def restored_study(
             advice = "named by an absolute path, and changed since then (use it anyway: --folder)"
             raise ArchiveError("\n".join([*differing.values(), advice]))
         yield RestoredStudy(study, has_kept_files=True, different_files=[])
+
+
+def study_surrogate(
+    study: ValidatedStudy, tree: xr.DataTree, label: str
+) -> tuple[str, xr.DataTree, FittedSurrogate]:
+    """Restore a surrogate of an archive with the classes and models of its restored study.
+
+    `label` is a key of `surrogate_paths`. Returned are the name of its model, its group in the
+    archive, and the surrogate.
+    """
+    model, name = surrogate_paths(tree)[label]
+    group, settings = model_trees(tree)[model].children[SURROGATES].children[name], study.surrogates
+    loaded = None if settings[name].absence else type(settings[name])
+    original = study.models[model].model
+    return model, group, restore_surrogate(group, label, original, loaded=loaded)
 
 
 def with_kept_folders(study: ValidatedStudy, folder: Path) -> ValidatedStudy:

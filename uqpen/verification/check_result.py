@@ -141,10 +141,6 @@ def find_attribute_differences(
 
     Parameters
     ----------
-    archived, found : mapping
-        The attributes.
-    of : str
-        Their owner, for the message.
     besides : container of str
         Attributes that are not compared.
     largest : float

@@ -213,8 +213,6 @@ class Repetition:
         ----------
         tree : DataTree
             The archive. One of another uqpen may lack statistics of this one.
-        ignored : collection of str
-            Attributes that may differ.
 
         Raises
         ------

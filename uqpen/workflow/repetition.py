@@ -130,8 +130,6 @@ def run_differences(
 
     Parameters
     ----------
-    runs_name : str
-        The name of the runs, for display.
     archived, again : Dataset
         The same runs, as they are kept and as they were made again.
     outputs : sequence of Output

@@ -6,46 +6,24 @@ import functools
 import math
 import mmap
 import struct
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum, IntEnum
 from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 __all__ = [
     "ARCHIVE_LIMITS",
     "DATA_LIMITS",
     "SIGNATURE",
-    "STORE_NUMBERS",
-    "UNDEFINED",
-    "VARIABLE_MESSAGES",
-    "Attribute",
     "Content",
     "ContentLimits",
-    "Datatype",
-    "GlobalHeap",
-    "Link",
-    "Message",
-    "MessageKind",
     "RefusedContentError",
-    "StoredVariable",
-    "ValueKind",
-    "check_attribute",
     "check_count",
     "check_hdf5",
-    "has_signature",
-    "heap_objects",
-    "limit_width",
-    "read_attribute",
-    "read_datatype",
-    "read_extent",
-    "read_link",
-    "read_messages",
-    "read_variable",
-    "root_address",
-    "uint",
 ]
 
 
@@ -132,27 +110,26 @@ def check_count(count: int, most: int, what: str) -> None:
         raise RefusedContentError(f"it has more than {most} {what}")
 
 
-def has_signature(content: Content, address: int, signature: bytes, version: int) -> bool:
+def _has_signature(content: Content, address: int, signature: bytes, version: int = 0) -> bool:
     """Return True if a structure of a kind and a version begins at an address."""
     end = address + len(signature)
     return content[address:end] == signature and content[end] == version
 
 
-def uint(content: Content, address: int, width: int) -> int:
-    """Return the unsigned integer of `width` bytes at an address, the low byte first.
-
-    Raises
-    ------
-    IndexError
-        If the file ends before.
-    """
-    piece = content[address : address + width]
-    if len(piece) != width:
+def _stored_bytes(content: Content, address: int, size: int) -> bytes:
+    """Return some bytes of a file; IndexError if it ends before."""
+    piece = content[address : address + size]
+    if len(piece) != size:
         raise IndexError("the file ends before")
-    return int.from_bytes(piece, "little")
+    return piece
 
 
-def limit_width(largest: int) -> int:
+def _uint(content: Content, address: int, width: int) -> int:
+    """Return the unsigned integer of `width` bytes at an address, the low byte first."""
+    return int.from_bytes(_stored_bytes(content, address, width), "little")
+
+
+def _limit_width(largest: int) -> int:
     """Return the number of bytes that hold every number up to the largest."""
     return (max(largest, 1).bit_length() - 1) // 8 + 1
 
@@ -161,39 +138,21 @@ def limit_width(largest: int) -> int:
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
-# Bytes of an address and of a length.
+# Where the bytes of an address and of a length stand, by the version of the superblock, then the
+# address that all others count from, that of a driver for files of parts or of settings of the
+# library, and that of the root group.
+_SUPERBLOCKS = {0: (13, 24, 48, 64), 2: (9, 12, 20, 36), 3: (9, 12, 20, 36)}
 _OFFSET_WIDTHS = b"\x08\x08"
 
 
-def root_address(content: Content) -> int:
-    """Return the address of the root group.
-
-    Raises
-    ------
-    RefusedContentError
-        If the file is of parts, or in a form that NetCDF does not write.
-    IndexError
-        If the file ends before the superblock does.
-    """
-    version = content[8]
-    if version == 0:
-        widths, base, elsewhere, root = content[13:15], 24, 48, 64
-    elif version in (2, 3):
-        widths, base, elsewhere, root = content[9:11], 12, 20, 36
-    else:
-        raise _unknown()
-    # Elsewhere stand, by version, a driver for files of parts and settings of the library.
-    if (
-        widths != _OFFSET_WIDTHS
-        or uint(content, base, 8)
-        or uint(content, elsewhere, 8) != UNDEFINED
-    ):
-        raise _unknown()
-    return uint(content, root, 8)
-
-
-def _unknown() -> RefusedContentError:
-    return RefusedContentError("it begins in a form that NetCDF does not write")
+def _root_address(content: Content) -> int:
+    """Return the address of the root group; refuse a file of parts, or in another form."""
+    if content[8] in _SUPERBLOCKS:
+        widths, base, elsewhere, root = _SUPERBLOCKS[content[8]]
+        is_plain = content[widths : widths + 2] == _OFFSET_WIDTHS and not _uint(content, base, 8)
+        if is_plain and _uint(content, elsewhere, 8) == UNDEFINED:
+            return _uint(content, root, 8)
+    raise RefusedContentError("it begins in a form that NetCDF does not write")
 
 
 # Global heap of a file: texts of any length, and lists of references.
@@ -207,80 +166,72 @@ _ENTRY = struct.Struct("<H6xQ")
 
 
 @dataclass
-class GlobalHeap:
+class _GlobalHeap:
     """Heap of a file. It counts the bytes of texts that were asked for."""
 
     content: Content
     text_bytes: int = 0
-    _count: int = 0
-    _collections: dict[int, dict[int, tuple[int, int]]] = field(default_factory=dict)
+    entries: int = 0
+    collections: dict[int, dict[int, tuple[int, int]]] = field(default_factory=dict)
+
+    def references(self, address: int, count: int) -> npt.NDArray[np.void]:
+        """Return references to entries that stand at an address."""
+        stored = _stored_bytes(self.content, address, count * _HEAP_REFERENCE.itemsize)
+        return np.frombuffer(stored, _HEAP_REFERENCE)
 
     def count_texts(self, address: int, count: int) -> None:
         """Add the lengths of `count` texts whose references stand at an address.
 
         Texts that share an entry take memory each.
         """
-        stored = self.content[address : address + count * _HEAP_REFERENCE.itemsize]
-        if len(stored) != count * _HEAP_REFERENCE.itemsize:
-            raise IndexError("the file ends before")
-        references = np.frombuffer(stored, _HEAP_REFERENCE)
+        references = self.references(address, count)
         self.text_bytes += int(references["length"].sum(dtype=np.uint64))
         for place in np.unique(references["address"]).tolist():
             if place:  # or the text is empty
-                self._collection(place)
+                self.collection(place)
 
-    def object_references(self, address: int, count: int) -> list[int]:
-        """Return the addresses to which `count` lists refer, each a list of one."""
-        found = []
-        for at in range(
-            address, address + count * _HEAP_REFERENCE.itemsize, _HEAP_REFERENCE.itemsize
-        ):
-            length, place = uint(self.content, at, 4), uint(self.content, at + 4, 8)
-            entries = self._collection(place)
-            start, size = entries.get(uint(self.content, at + 12, 4), (0, 0))
+    def object_addresses(self, address: int, count: int) -> Iterator[int]:
+        """Yield the addresses to which `count` lists refer, each a list of one."""
+        for length, place, index in self.references(address, count).tolist():
+            start, size = self.collection(place).get(index, (0, 0))
             if length != 1 or size != 8:
                 raise RefusedContentError("it has dimensions that are none")
-            found.append(uint(self.content, start, 8))
-        return found
+            yield _uint(self.content, start, 8)
 
-    def _collection(self, at: int) -> dict[int, tuple[int, int]]:
+    def collection(self, at: int) -> dict[int, tuple[int, int]]:
         """Return where the entries of a collection stand, and their sizes.
 
         It is refused if the library could not go through it.
         """
-        if at not in self._collections:
-            if self.content[at : at + len(_COLLECTION)] != _COLLECTION:
-                raise RefusedContentError("it has texts or dimensions that are none")
-            self._collections[at] = found = {}
-            for index, place in self._entries(at):
-                found[index] = place
-                self._count += 1
-                if self._count > len(self.content) // _ENTRY.size:
-                    raise RefusedContentError("it has texts that lie on each other")
-            found.pop(0, None)
-        return self._collections[at]
-
-    def _entries(self, at: int) -> Iterator[tuple[int, tuple[int, int]]]:
-        """Yield the indexes of entries, 0 for free room, with their places and sizes."""
-        end = at + uint(self.content, at + 8, 8)
+        if at in self.collections:
+            return self.collections[at]
+        if self.content[at : at + len(_COLLECTION)] != _COLLECTION:
+            raise RefusedContentError("it has texts or dimensions that are none")
+        self.collections[at] = found = {}
+        end = at + _uint(self.content, at + 8, 8)
         at += _ENTRY.size
         while at + _ENTRY.size <= end:
             index, size = _ENTRY.unpack_from(self.content, at)
-            # The size of free room includes its head, and that of an entry does not.
+            # The size of free room, with the index 0, includes its head, that of an entry does not.
             step = _ENTRY.size + -(-size // 8) * 8 if index else size
             # The library would go on without end where an entry takes no room.
             if step < _ENTRY.size or at + step > end:
                 raise RefusedContentError("it has texts whose lengths are damaged")
-            yield index, (at + _ENTRY.size, size)
+            if index:
+                found[index] = at + _ENTRY.size, size
             at += step
+            self.entries += 1
+            if self.entries > len(self.content) // _ENTRY.size:
+                raise RefusedContentError("it has texts that lie on each other")
+        return found
 
 
 # Data types of variables and attributes that NetCDF and NumPy have in common.
 
-STORE_NUMBERS = "store its values as numbers"
+_STORE_NUMBERS = "store its values as numbers"
 
 
-class ValueKind(Enum):
+class _ValueKind(Enum):
     """Kind of the values of a type."""
 
     INTEGER = "integer"
@@ -291,10 +242,10 @@ class ValueKind(Enum):
     BACK_REFERENCES = "back references"  # of a dimension to variables
 
 
-class Datatype(NamedTuple):
+class _Datatype(NamedTuple):
     """A kind, and the bytes of one value."""
 
-    kind: ValueKind
+    kind: _ValueKind
     size: int
 
 
@@ -319,100 +270,70 @@ _WIDTHS = (1, 2, 4, 8)
 
 
 @functools.lru_cache(maxsize=256)
-def read_datatype(message: bytes) -> Datatype:
-    """Return the type that a message describes; one of few in a file.
-
-    Raises
-    ------
-    RefusedContentError
-        If it is none that uqpen and NetCDF write; the text names it.
-    IndexError
-        If the message ends before it says all.
-    """
+def _read_datatype(message: bytes) -> _Datatype:
+    """Return the type that a message describes, one of few in a file; refuse an unknown one."""
     family, size = message[0] & 0x0F, int.from_bytes(message[4:8], "little")
     if family == _INTEGER:
         precision = int.from_bytes(message[8:12], "little")
         if size in _WIDTHS and precision == size << 19 and not message[1] & 0xF6:
-            return Datatype(ValueKind.INTEGER, size)
+            return _Datatype(_ValueKind.INTEGER, size)
         found = f"has the type of an integer of {size} bytes"
         raise RefusedContentError(found, "store integers of 1, 2, 4 or 8 bytes")
     if family == _REAL:
         bits = (message[1] & 0xFE, message[2], message[3])
         if message[8:20] == _IEEE.get(size) and bits == (_IMPLIED_BIT, _SIGN[size], 0):
-            return Datatype(ValueKind.REAL, size)
+            return _Datatype(_ValueKind.REAL, size)
         raise RefusedContentError(f"has the type float{8 * size}", "store it as float64")
     if family == _STRING and size:
-        return Datatype(ValueKind.CHARACTERS, size)
-    if family == _VARIABLE_LENGTH and size == 16:
-        return _variable_length(message)
+        return _Datatype(_ValueKind.CHARACTERS, size)
     if family == _COMPOUND and size == 16:
-        return Datatype(ValueKind.BACK_REFERENCES, size)
-    found = f"has a type that is {_OTHERS.get(family, 'unknown')}"
-    raise RefusedContentError(found, STORE_NUMBERS)
-
-
-def _variable_length(message: bytes) -> Datatype:
+        return _Datatype(_ValueKind.BACK_REFERENCES, size)
+    if family != _VARIABLE_LENGTH or size != 16:
+        found = f"has a type that is {_OTHERS.get(family, 'unknown')}"
+        raise RefusedContentError(found, _STORE_NUMBERS)
     base, is_text = message[8:], message[1] & 0x0F == 1
     base_family, base_size = base[0] & 0x0F, int.from_bytes(base[4:8], "little")
     # NetCDF describes the characters of a text as integers of one byte, others as strings.
     if is_text and base_family in (_INTEGER, _STRING) and base_size == 1:
-        return Datatype(ValueKind.TEXT, 16)
+        return _Datatype(_ValueKind.TEXT, size)
     if not is_text and base_family == _REFERENCE and base_size == 8 and not base[1] & 0x0F:
-        return Datatype(ValueKind.REFERENCES, 16)
-    raise RefusedContentError("has a type that is a list", STORE_NUMBERS)
+        return _Datatype(_ValueKind.REFERENCES, size)
+    raise RefusedContentError("has a type that is a list", _STORE_NUMBERS)
 
 
 @functools.lru_cache(maxsize=4096)
-def read_extent(message: bytes) -> tuple[int, ...] | None:
-    """Return the sizes of the dimensions of a dataspace message; None for one without values.
-
-    Raises
-    ------
-    RefusedContentError
-        If it is of a version that is not known.
-    """
+def _read_extent(message: bytes) -> tuple[int, ...] | None:
+    """Return the sizes of the dimensions of a dataspace message; None for one without values."""
     version, rank = message[0], message[1]
-    if version == 1:
-        start = 8
-    elif version == 2:
-        start = 4
-        if message[3] == 2:
-            return None
-    else:
+    if version not in (1, 2):
         raise RefusedContentError("has dimensions in a form that is not known")
+    if version == 2 and message[3] == 2:
+        return None
+    start = 8 if version == 1 else 4
     if rank > 32 or len(message) < start + 8 * rank:
         raise RefusedContentError("has more dimensions than there are")
-    return tuple(
-        int.from_bytes(message[at : at + 8], "little") for at in range(start, start + 8 * rank, 8)
-    )
+    return struct.unpack_from(f"<{rank}Q", message, start)
 
 
 # Attributes of an object: their types, their sizes and their references.
 
 
-class Attribute(NamedTuple):
-    """An attribute, and the address of its values."""
-
+class _Attribute(NamedTuple):
     name: str
-    datatype: Datatype
-    extent: tuple[int, ...] | None
-    address: int
-
-    @property
-    def size(self) -> int:
-        """Number of values."""
-        return 0 if self.extent is None else math.prod(self.extent)
+    datatype: _Datatype
+    size: int  # number of values
+    address: int  # of the values
 
 
 # The NetCDF library reads these into memory of the size that it expects. Each is of one kind of
 # values, and has one, or one for each dimension of its variable.
 _RESERVED = {
-    "CLASS": (ValueKind.CHARACTERS, False),
-    "NAME": (ValueKind.CHARACTERS, False),
-    "_Netcdf4Dimid": (ValueKind.INTEGER, False),
-    "_Netcdf4Coordinates": (ValueKind.INTEGER, True),
-    "_nc3_strict": (ValueKind.INTEGER, False),
-    "DIMENSION_LIST": (ValueKind.REFERENCES, True),
+    "CLASS": (_ValueKind.CHARACTERS, False),
+    "NAME": (_ValueKind.CHARACTERS, False),
+    "_Netcdf4Dimid": (_ValueKind.INTEGER, False),
+    "_Netcdf4Coordinates": (_ValueKind.INTEGER, True),
+    "_nc3_strict": (_ValueKind.INTEGER, False),
+    "DIMENSION_LIST": (_ValueKind.REFERENCES, True),
 }
 _BACK_REFERENCES = "REFERENCE_LIST"
 
@@ -420,19 +341,11 @@ _BACK_REFERENCES = "REFERENCE_LIST"
 _HEAD = struct.Struct("<BBHHH")
 
 
-def read_attribute(content: Content, start: int) -> Attribute:
-    """Return the attribute whose message begins at an address.
-
-    Raises
-    ------
-    RefusedContentError
-        If uqpen and NetCDF write none such.
-    IndexError, struct.error
-        If the file ends before it does.
-    """
+def _read_attribute(content: Content, start: int) -> _Attribute:
+    """Return the attribute whose message begins at an address."""
     version, flags, *sizes = _HEAD.unpack_from(content, start)
     if not 1 <= version <= 3 or (version > 1 and flags):
-        raise RefusedContentError("it has an attribute with a type of its own", STORE_NUMBERS)
+        raise RefusedContentError("it has an attribute with a type of its own", _STORE_NUMBERS)
     at = start + (_HEAD.size + 1 if version == 3 else _HEAD.size)
     parts = []
     for size in sizes:
@@ -441,44 +354,33 @@ def read_attribute(content: Content, start: int) -> Attribute:
         at += -(-size // 8) * 8 if version == 1 else size
     name = parts[0].rstrip(b"\0").decode("utf-8", "replace")
     try:
-        attribute = Attribute(name, read_datatype(parts[1]), read_extent(parts[2]), at)
+        datatype, extent = _read_datatype(parts[1]), _read_extent(parts[2])
     except RefusedContentError as error:
         raise error.within(f"its attribute {name} ") from None
-    if at + attribute.size * attribute.datatype.size > len(content):
+    size = 0 if extent is None else math.prod(extent)
+    if at + size * datatype.size > len(content):
         raise IndexError("the file ends before")
-    return attribute
+    return _Attribute(name, datatype, size, at)
 
 
-def check_attribute(attribute: Attribute, rank: int, heap: GlobalHeap) -> None:
-    """Refuse an attribute of an object that does not have what NetCDF expects by its name.
+def _is_expected(attribute: _Attribute, rank: int) -> bool:
+    """Check that an attribute has what NetCDF expects by its name.
 
-    Parameters
-    ----------
-    attribute : Attribute
-        As `read_attribute` returns it.
-    rank : int
-        Number of dimensions of the variable that has it; 0 for a group.
-    heap : GlobalHeap
-        Where texts and references are kept.
+    The rank is that of the variable that has it, 0 for a group.
     """
-    name, kind = attribute.name, attribute.datatype.kind
-    expected, along_dimensions = _RESERVED.get(name, (None, False))
-    if expected is None:
-        is_right = kind not in (ValueKind.REFERENCES, ValueKind.BACK_REFERENCES) or (
-            kind is ValueKind.BACK_REFERENCES and name == _BACK_REFERENCES
-        )
-    else:
-        is_right = kind is expected and attribute.size == (rank if along_dimensions else 1)
-    if not is_right:
-        raise RefusedContentError(f"its attribute {name} has another type or number of values")
-    if kind is ValueKind.TEXT:
-        heap.count_texts(attribute.address, attribute.size)
+    kind = attribute.datatype.kind
+    if attribute.name in _RESERVED:
+        expected, along_dimensions = _RESERVED[attribute.name]
+        return kind is expected and attribute.size == (rank if along_dimensions else 1)
+    if kind is _ValueKind.BACK_REFERENCES:
+        return attribute.name == _BACK_REFERENCES
+    return kind is not _ValueKind.REFERENCES
 
 
 # Messages of an object header, which describe a group or a variable.
 
 
-class MessageKind(IntEnum):
+class _MessageKind(IntEnum):
     """Header messages of what uqpen and other NetCDF software write."""
 
     NIL = 0x00
@@ -501,7 +403,7 @@ class MessageKind(IntEnum):
     REFERENCE_COUNT = 0x16
 
 
-class Message(NamedTuple):
+class _Message(NamedTuple):
     """One message: its kind, and where its body begins and ends."""
 
     kind: int
@@ -509,8 +411,8 @@ class Message(NamedTuple):
     end: int
 
 
-_KNOWN = frozenset(map(int, MessageKind))
-_NIL, _CONTINUATION = int(MessageKind.NIL), int(MessageKind.CONTINUATION)
+_KNOWN = frozenset(map(int, _MessageKind))
+_NIL, _CONTINUATION = int(_MessageKind.NIL), int(_MessageKind.CONTINUATION)
 _SYMBOL_TABLE = 0x11  # of a group in the form before HDF5 1.8
 _SHARED = 0x02
 
@@ -522,37 +424,24 @@ _HEAD_WITH_ORDER = struct.Struct("<BHB2x")
 _MOST_MESSAGES = 1_000
 
 
-def read_messages(content: Content, address: int) -> Iterator[Message]:
+def _read_messages(content: Content, address: int) -> Iterator[_Message]:
     """Yield the messages of the object header at an address, without the empty ones.
 
-    Raises
-    ------
-    RefusedContentError
-        If it has messages of a kind that is not listed here, or shared ones.
-    IndexError, struct.error
-        If the file ends before it does.
+    Shared ones, and those of a kind that is not listed here, are refused.
     """
-    if has_signature(content, address, b"OHDR", 2):
+    # Before and after the messages of a further block there may be a signature and a checksum.
+    if _has_signature(content, address, b"OHDR", 2):
         flags = content[address + 5]
         start = address + 6 + 16 * bool(flags & 0x20) + 4 * bool(flags & 0x10)
         width = 1 << (flags & 0x03)
-        first = (start + width, uint(content, start, width))
+        blocks = [(start + width, _uint(content, start, width))]
         head, edges = (_HEAD_WITH_ORDER if flags & 0x04 else _HEADS[2]), (4, 4)
     elif content[address] == 1:
-        first, head, edges = (address + 16, uint(content, address + 8, 4)), _HEADS[1], (0, 0)
+        blocks = [(address + 16, _uint(content, address + 8, 4))]
+        head, edges = _HEADS[1], (0, 0)
     else:
         raise RefusedContentError("is not there")
-    yield from _block_messages(content, first, head, edges)
-
-
-def _block_messages(
-    content: Content, first: tuple[int, int], head: struct.Struct, edges: tuple[int, int]
-) -> Iterator[Message]:
-    """Yield the messages of a block and of those that continue it.
-
-    Before and after the messages of a further block there may be a signature and a checksum.
-    """
-    blocks, count = [first], 0
+    count = 0
     for begin, length in blocks:
         at = begin
         while at + head.size <= begin + length:
@@ -563,17 +452,21 @@ def _block_messages(
             if count > _MOST_MESSAGES:
                 raise RefusedContentError(f"has more than {_MOST_MESSAGES} messages")
             if kind == _CONTINUATION:
-                place, size = uint(content, start, 8), uint(content, start + 8, 8)
+                place, size = _uint(content, start, 8), _uint(content, start + 8, 8)
                 blocks.append((place + edges[0], size - sum(edges)))
-            elif kind == _SYMBOL_TABLE:
-                found = "is a group of an HDF5 file that is no NetCDF"
-                raise RefusedContentError(found, 'write it with xarray ("to_netcdf")')
-            elif kind not in _KNOWN:
-                raise RefusedContentError(f"is in a form that NetCDF does not write ({kind})")
-            elif flags & _SHARED:
-                raise RefusedContentError("has a type of its own", STORE_NUMBERS)
             elif kind != _NIL:
-                yield Message(kind, start, at)
+                _check_kind(kind, flags)
+                yield _Message(kind, start, at)
+
+
+def _check_kind(kind: int, flags: int) -> None:
+    if kind == _SYMBOL_TABLE:
+        found = "is a group of an HDF5 file that is no NetCDF"
+        raise RefusedContentError(found, 'write it with xarray ("to_netcdf")')
+    if kind not in _KNOWN:
+        raise RefusedContentError(f"is in a form that NetCDF does not write ({kind})")
+    if flags & _SHARED:
+        raise RefusedContentError("has a type of its own", _STORE_NUMBERS)
 
 
 # Many links or attributes of one object: a fractal heap, and the B-trees into it.
@@ -586,7 +479,7 @@ _MOST_DEPTH = 8
 _MOST_HUGE = 1_000
 
 
-def heap_objects(content: Content, heap: int, trees: tuple[int, ...]) -> Iterator[int]:
+def _heap_objects(content: Content, heap: int, trees: Sequence[int]) -> Iterator[int]:
     """Yield the addresses of the objects in a fractal heap, once for each B-tree that has them.
 
     The library may go by any of the trees, so that objects of all of them are wanted.
@@ -615,16 +508,16 @@ class _FractalHeap:
 
     @classmethod
     def read(cls, content: Content, at: int) -> _FractalHeap:
-        if not has_signature(content, at, b"FRHP", 0) or uint(content, at + 7, 2):
+        if not _has_signature(content, at, b"FRHP") or _uint(content, at + 7, 2):
             raise _unreadable()
         heap = cls(
-            huge_tree=uint(content, at + 22, 8),
-            width=uint(content, at + 110, 2),
-            start_size=uint(content, at + 112, 8),
-            largest_direct=uint(content, at + 120, 8),
-            offset_width=(uint(content, at + 128, 2) + 7) // 8,
-            root=uint(content, at + 132, 8),
-            rows=uint(content, at + 140, 2),
+            huge_tree=_uint(content, at + 22, 8),
+            width=_uint(content, at + 110, 2),
+            start_size=_uint(content, at + 112, 8),
+            largest_direct=_uint(content, at + 120, 8),
+            offset_width=(_uint(content, at + 128, 2) + 7) // 8,
+            root=_uint(content, at + 132, 8),
+            rows=_uint(content, at + 140, 2),
         )
         sizes = (heap.width, heap.start_size, heap.largest_direct)
         if any(size < 1 or size & (size - 1) for size in sizes) or heap.rows > 64:
@@ -635,65 +528,52 @@ class _FractalHeap:
         """Return the address of the object whose identifier stands at an address."""
         flags = content[identifier]
         if flags == 0x00:
-            return self._managed(content, uint(content, identifier + 1, self.offset_width))
-        if flags == 0x10:
-            return self._huge(content, uint(content, identifier + 1, 7))
+            return self._managed(content, _uint(content, identifier + 1, self.offset_width))
+        kind, records = _tree_records(content, self.huge_tree) if flags == 0x10 else (0, iter(()))
+        wanted = content[identifier + 1 : identifier + 8] + b"\0"
+        for record in islice(records, _MOST_HUGE) if kind == _HUGE else ():
+            if _stored_bytes(content, record + 16, 8) == wanted:
+                return _uint(content, record, 8)
         raise _unreadable()
 
     def _managed(self, content: Content, offset: int) -> int:
-        block, rows = self.root, self.rows
+        block, rows, first_row = self.root, self.rows, self.width * self.start_size
         while rows:
-            row = max((offset // (self.width * self.start_size)).bit_length(), 0)
+            row = (offset // first_row).bit_length()
             size = self.start_size << max(row - 1, 0)
             first = self.width * size if row else 0
             column = (offset - first) // size
-            if row >= rows or not has_signature(content, block, b"FHIB", 0):
+            if row >= rows or not _has_signature(content, block, b"FHIB"):
                 raise _unreadable()
             child = block + 13 + self.offset_width + 8 * (row * self.width + column)
-            block = uint(content, child, 8)
-            offset = offset - first - column * size
-            is_direct = size <= self.largest_direct
-            rows = 0 if is_direct else (size // (self.width * self.start_size)).bit_length()
-        if not has_signature(content, block, b"FHDB", 0):
+            block = _uint(content, child, 8)
+            offset -= first + column * size
+            rows = 0 if size <= self.largest_direct else (size // first_row).bit_length()
+        if not _has_signature(content, block, b"FHDB"):
             raise _unreadable()
         return block + offset
-
-    def _huge(self, content: Content, identifier: int) -> int:
-        kind, records = _tree_records(content, self.huge_tree)
-        for record in islice(records, _MOST_HUGE) if kind == _HUGE else ():
-            if uint(content, record + 16, 8) == identifier:
-                return uint(content, record, 8)
-        raise _unreadable()
 
 
 def _tree_records(content: Content, at: int) -> tuple[int, Iterator[int]]:
     """Return the type of a version 2 B-tree, and the addresses of its records."""
-    if not has_signature(content, at, b"BTHD", 0):
+    if not _has_signature(content, at, b"BTHD"):
         raise _unreadable()
-    node_size, size = uint(content, at + 6, 4), uint(content, at + 10, 2)
-    depth, root, count = (
-        uint(content, at + 12, 2),
-        uint(content, at + 16, 8),
-        uint(content, at + 24, 2),
-    )
+    node_size, size = _uint(content, at + 6, 4), _uint(content, at + 10, 2)
+    depth, root = _uint(content, at + 12, 2), _uint(content, at + 16, 8)
+    count = _uint(content, at + 24, 2)
     if not size or depth > _MOST_DEPTH:
         raise _unreadable()
-    widths = _pointer_widths(node_size, size, depth)
-    return content[at + 5], _node_records(content, root, count, size, widths)
-
-
-def _pointer_widths(node_size: int, size: int, depth: int) -> list[tuple[int, int]]:
-    """Return the bytes of both counts beside the pointers of the nodes, from the leaves up."""
+    # The bytes of both counts beside the pointers of the nodes, from the leaves up.
     most = (node_size - 10) // size
-    leaf_width = limit_width(most)
+    leaf_width = _limit_width(most)
     widths, together, together_width = [], most, 0
     for _ in range(depth):
         widths.append((leaf_width, together_width))
         pointer = 8 + leaf_width + together_width
         most = (node_size - 10 - pointer) // (size + pointer)
         together = (most + 1) * together + most
-        together_width = limit_width(together)
-    return widths
+        together_width = _limit_width(together)
+    return content[at + 5], _node_records(content, root, count, size, widths)
 
 
 def _node_records(
@@ -701,7 +581,7 @@ def _node_records(
 ) -> Iterator[int]:
     if node == UNDEFINED and not count:
         return
-    if not has_signature(content, node, b"BTIN" if widths else b"BTLF", 0):
+    if not _has_signature(content, node, b"BTIN" if widths else b"BTLF"):
         raise _unreadable()
     end = node + 6 + count * size
     yield from range(node + 6, end, size)
@@ -710,7 +590,7 @@ def _node_records(
         for child in range(count + 1):
             at = end + child * (8 + width + together)
             yield from _node_records(
-                content, uint(content, at, 8), uint(content, at + 8, width), size, widths[:-1]
+                content, _uint(content, at, 8), _uint(content, at + 8, width), size, widths[:-1]
             )
 
 
@@ -723,29 +603,17 @@ def _unreadable() -> RefusedContentError:
 _HARD, _SOFT, _EXTERNAL = 0, 1, 64
 
 
-class Link(NamedTuple):
-    """Name of a group or a variable, and the address of its object header."""
+def _read_link(content: Content, start: int) -> tuple[str, int]:
+    """Return the name of a group or a variable, and the address of its object header.
 
-    name: str
-    address: int
-
-
-def read_link(content: Content, start: int) -> Link:
-    """Return the link whose message begins at an address.
-
-    Raises
-    ------
-    RefusedContentError
-        If it leads to another file, or to a path instead of an object.
-    IndexError
-        If the file ends before it does.
+    A link to another file, or to a path instead of an object, is refused.
     """
     version, flags = content[start], content[start + 1]
     at = start + 2
     kind = content[at] if flags & 0x08 else _HARD
     at += bool(flags & 0x08) + 8 * bool(flags & 0x04) + bool(flags & 0x10)
     width = 1 << (flags & 0x03)
-    size = uint(content, at, width)
+    size = _uint(content, at, width)
     at += width
     name = content[at : at + min(size, 1000)].decode("utf-8", "replace")
     if kind == _EXTERNAL:
@@ -754,13 +622,13 @@ def read_link(content: Content, start: int) -> Link:
         raise RefusedContentError(f"it has a link to a path ({name})")
     if version != 1 or kind != _HARD or not name or "/" in name:
         raise RefusedContentError(f"it has a link that NetCDF does not write ({name})")
-    return Link(name, uint(content, at + size, 8))
+    return name, _uint(content, at + size, 8)
 
 
 # Variables: their types, their sizes and where their values are.
 
 # What every variable has, and once.
-VARIABLE_MESSAGES = frozenset({MessageKind.DATASPACE, MessageKind.DATATYPE, MessageKind.LAYOUT})
+_VARIABLE_MESSAGES = frozenset({_MessageKind.DATASPACE, _MessageKind.DATATYPE, _MessageKind.LAYOUT})
 
 _COMPACT, _CONTIGUOUS, _CHUNKED, _VIRTUAL = range(4)
 # The later two differ in the indexes of chunks, which only the library reads.
@@ -774,57 +642,39 @@ _PLAIN_TEXTS = 'copy it by "nccopy -d 0 in.nc out.nc"'
 _NODE_HEAD = 24  # bytes of a node of a tree of chunks before its keys
 
 
-class StoredVariable(NamedTuple):
-    """Sizes of a variable's dimensions, its bytes in memory, and where its texts are referred to.
-
-    Of texts these are addresses, each with the number of references there. The bytes do not include
-    those of texts.
-    """
-
-    extent: tuple[int, ...]
-    memory: int
-    texts: tuple[tuple[int, int], ...]
+class _StoredVariable(NamedTuple):
+    rank: int
+    memory: int  # bytes, without those of texts
+    texts: list[tuple[int, int]]  # addresses of references to texts, and how many are there
 
 
-def read_variable(content: Content, messages: Iterable[Message], path: str) -> StoredVariable:
-    """Return the variable whose object header has some messages.
-
-    Raises
-    ------
-    RefusedContentError
-        If its type, its layout or its compression is none that uqpen and NetCDF write.
-    IndexError
-        If the file ends before its values do.
-    """
-    bodies: dict[int, Message] = {}
+def _read_variable(content: Content, messages: Iterable[_Message]) -> _StoredVariable:
+    """Return the variable whose object header has some messages."""
+    bodies: dict[int, _Message] = {}
     for message in messages:
-        if message.kind in VARIABLE_MESSAGES and message.kind in bodies:
-            raise RefusedContentError(f"its variable {path} is described twice")
+        if message.kind in _VARIABLE_MESSAGES and message.kind in bodies:
+            raise RefusedContentError("is described twice")
         bodies[message.kind] = message
-    try:
-        if MessageKind.FILTERS in bodies:
-            _check_filters(content, bodies[MessageKind.FILTERS])
-        space, described = bodies[MessageKind.DATASPACE], bodies[MessageKind.DATATYPE]
-        extent = read_extent(content[space.start : space.end])
-        datatype = read_datatype(content[described.start : described.end])
-        if extent is None or datatype.kind in (ValueKind.REFERENCES, ValueKind.BACK_REFERENCES):
-            raise RefusedContentError("has no values, or none that can be read")
-        size = math.prod(extent) * datatype.size
-        layout = bodies[MessageKind.LAYOUT].start
-        address, chunk = _stored(content, layout, size)
-        texts: tuple[tuple[int, int], ...] = ()
-        if datatype.kind is ValueKind.TEXT and size and chunk:
-            if MessageKind.FILTERS in bodies or content[layout] != _LAYOUT_VERSIONS[0]:
+    if _MessageKind.FILTERS in bodies:
+        _check_filters(content, bodies[_MessageKind.FILTERS].start)
+    space, described = bodies[_MessageKind.DATASPACE], bodies[_MessageKind.DATATYPE]
+    extent = _read_extent(content[space.start : space.end])
+    kind, width = _read_datatype(content[described.start : described.end])
+    if extent is None or kind in (_ValueKind.REFERENCES, _ValueKind.BACK_REFERENCES):
+        raise RefusedContentError("has no values, or none that can be read")
+    count, layout = math.prod(extent), bodies[_MessageKind.LAYOUT].start
+    address, chunk = _stored(content, layout, count * width)
+    texts: list[tuple[int, int]] = []
+    if kind is _ValueKind.TEXT:
+        if count and chunk:
+            if _MessageKind.FILTERS in bodies or content[layout] != _LAYOUT_VERSIONS[0]:
                 found = "has texts in chunks that are compressed, or of a later form"
                 raise RefusedContentError(found, _PLAIN_TEXTS)
-            texts = tuple((each, chunk // datatype.size) for each in _chunks(content, layout))
-        elif datatype.kind is ValueKind.TEXT and size and address != UNDEFINED:
-            texts = ((address, math.prod(extent)),)
-        if datatype.kind is ValueKind.TEXT:
-            texts += tuple((at, 1) for at in _fill_texts(content, bodies))
-    except RefusedContentError as error:
-        raise error.within(f"its variable {path} ") from None
-    return StoredVariable(extent, size + chunk, texts)
+            texts = [(each, chunk // width) for each in _chunks(content, layout)]
+        elif count and address != UNDEFINED:
+            texts = [(address, count)]
+        texts += [(at, 1) for at in _fill_texts(content, bodies)]
+    return _StoredVariable(len(extent), count * width + chunk, texts)
 
 
 def _stored(content: Content, at: int, size: int) -> tuple[int, int]:
@@ -834,103 +684,93 @@ def _stored(content: Content, at: int, size: int) -> tuple[int, int]:
         raise RefusedContentError("refers to other files")
     if version not in _LAYOUT_VERSIONS or layout > _VIRTUAL:
         raise RefusedContentError("is stored in a form that is not known")
+    if layout == _CHUNKED:
+        return UNDEFINED, _chunk_bytes(content, at)
     if layout == _COMPACT:
-        return _within(content, at + 4, uint(content, at + 2, 2), size), 0
-    if layout == _CONTIGUOUS:
-        address = uint(content, at + 2, 8)
-        if address == UNDEFINED:
-            return UNDEFINED, 0
-        return _within(content, address, uint(content, at + 10, 8), size), 0
-    return UNDEFINED, _chunk_bytes(content, at, version)
-
-
-def _within(content: Content, address: int, stored: int, size: int) -> int:
-    if stored < size or address + stored > len(content):
+        address, stored = at + 4, _uint(content, at + 2, 2)
+    else:
+        address, stored = _uint(content, at + 2, 8), _uint(content, at + 10, 8)
+    if address != UNDEFINED and (stored < size or address + stored > len(content)):
         raise IndexError("the file ends before")
-    return address
+    return address, 0
 
 
-def _chunk_bytes(content: Content, at: int, version: int) -> int:
-    if version == 3:
+def _chunk_bytes(content: Content, at: int) -> int:
+    if content[at] == _LAYOUT_VERSIONS[0]:
         rank, sizes, width = content[at + 2], at + 11, 4
     else:
         rank, sizes, width = content[at + 3], at + 5, content[at + 4]
     # The last of the dimensions is the size of a value.
-    return math.prod(uint(content, sizes + number * width, width) for number in range(rank))
+    return math.prod(_uint(content, sizes + number * width, width) for number in range(rank))
 
 
-def _fill_texts(content: Content, bodies: Mapping[int, Message]) -> Iterator[int]:
+def _fill_texts(content: Content, bodies: Mapping[int, _Message]) -> Iterator[int]:
     """Yield the address of the reference to the text that fills a variable, where it has one."""
-    for kind in (MessageKind.FILL_VALUE, MessageKind.OLD_FILL_VALUE):
+    for kind in (_MessageKind.FILL_VALUE, _MessageKind.OLD_FILL_VALUE):
         if kind in bodies:
             start = bodies[kind].start
             is_defined, at = True, start
-            if kind == MessageKind.FILL_VALUE and content[start] >= 3:
+            if kind == _MessageKind.FILL_VALUE and content[start] >= 3:
                 is_defined, at = bool(content[start + 1] & 0x20), start + 2
-            elif kind == MessageKind.FILL_VALUE:
+            elif kind == _MessageKind.FILL_VALUE:
                 is_defined, at = content[start] < 2 or bool(content[start + 3]), start + 4
-            if is_defined and uint(content, at, 4):
+            if is_defined and _uint(content, at, 4):
                 yield at + 4
 
 
 def _chunks(content: Content, layout: int) -> Iterator[int]:
     """Yield the addresses of the chunks of a variable, whose layout is of the third version."""
     # A key has the bytes of a chunk, its filters, and its place along each dimension.
-    chunk = _chunk_bytes(content, layout, _LAYOUT_VERSIONS[0])
+    chunk = _chunk_bytes(content, layout)
     step = 8 + 8 * content[layout + 2] + 8
-    nodes, seen = [(uint(content, layout + 3, 8), -1)], set()
+    nodes, seen = [(_uint(content, layout + 3, 8), -1)], set()
     while nodes:
         node, level = nodes.pop()
         if node == UNDEFINED:
             continue
-        found, entries = content[node + 5], uint(content, node + 6, 2)
+        found, entries = content[node + 5], _uint(content, node + 6, 2)
         is_right = content[node : node + 5] == b"TREE\x01" and level in (-1, found)
         if not is_right or node in seen:
             raise RefusedContentError("is stored in a form that is not known")
         seen.add(node)
         for key in range(node + _NODE_HEAD, node + _NODE_HEAD + entries * step, step):
-            child = uint(content, key + step - 8, 8)
+            child = _uint(content, key + step - 8, 8)
             if found:
                 nodes.append((child, found - 1))
-            elif uint(content, key, 4) != chunk or child in seen:
+            elif _uint(content, key, 4) != chunk or child in seen:
                 raise RefusedContentError("is stored in a form that is not known")
             else:
                 seen.add(child)
                 yield child
 
 
-def _check_filters(content: Content, message: Message) -> None:
+def _check_filters(content: Content, start: int) -> None:
     """Refuse compression for which the library would load code."""
-    version, count = content[message.start], content[message.start + 1]
-    at = message.start + (8 if version == 1 else 2)
+    version, count = content[start], content[start + 1]
+    at = start + (8 if version == 1 else 2)
     for _ in range(count):
-        number = uint(content, at, 2)
+        number = _uint(content, at, 2)
         if number not in _FILTERS:
             name = _OTHER_FILTERS.get(number, "a filter that HDF5 would have to load")
             remedy = 'copy it by "nccopy -d 1 in.nc out.nc"'
             raise RefusedContentError(f"is compressed by filter {number}, {name}", remedy)
         if version == 1:
-            length, values = uint(content, at + 2, 2), uint(content, at + 6, 2)
+            length, values = _uint(content, at + 2, 2), _uint(content, at + 6, 2)
             at += 8 + length + 4 * (values + values % 2)
         else:  # names belong to other filters
-            at += 6 + 4 * uint(content, at + 4, 2)
+            at += 6 + 4 * _uint(content, at + 4, 2)
 
 
 # Search of a whole HDF5 file for what uqpen does not write.
 
-_LINKS = frozenset({MessageKind.LINK, MessageKind.LINK_INFO})
+_LINKS = frozenset({_MessageKind.LINK, _MessageKind.LINK_INFO})
 
 
 def check_hdf5(content: Content, limits: ContentLimits) -> None:
-    """Refuse a file that the HDF5 library must not get.
+    """Refuse a file that the HDF5 library must not get, with the first reason found.
 
     It gets what refers to no other file, has no types but those that NetCDF and NumPy share, and
     keeps within the limits.
-
-    Raises
-    ------
-    RefusedContentError
-        With the first reason found.
     """
     try:
         _Inspection(content, limits).run()
@@ -949,11 +789,11 @@ class _Inspection:
     dimensions: list[tuple[str, int]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self.heap = GlobalHeap(self.content)
+        self.heap = _GlobalHeap(self.content)
 
     def run(self) -> None:
         """Go through all groups; a reason to refuse the file is raised."""
-        self._object(root_address(self.content), "", 0)
+        self._object(_root_address(self.content), "", 0)
         for name, address in self.dimensions:
             if self.known.get(address) is not True:
                 raise RefusedContentError(f"its variable {name} has dimensions that are none")
@@ -962,16 +802,16 @@ class _Inspection:
         if address in self.known:
             raise RefusedContentError(f"it has {path or '/'} under two names")
         try:
-            messages = list(read_messages(self.content, address))
+            messages = list(_read_messages(self.content, address))
         except RefusedContentError as error:
             raise error.within(f"its {path or '/'} ") from None
         kinds = {message.kind for message in messages}
-        if MessageKind.EXTERNAL_FILES in kinds:
+        if _MessageKind.EXTERNAL_FILES in kinds:
             raise RefusedContentError(f"its variable {path} refers to another file")
-        is_variable, is_group = kinds >= VARIABLE_MESSAGES, not _LINKS.isdisjoint(kinds)
-        if not is_group and kinds & VARIABLE_MESSAGES == {MessageKind.DATATYPE}:
-            raise RefusedContentError(f"its {path} is a data type of its own", STORE_NUMBERS)
-        if is_variable == is_group or (is_group and kinds & VARIABLE_MESSAGES):
+        is_variable, is_group = kinds >= _VARIABLE_MESSAGES, not _LINKS.isdisjoint(kinds)
+        if not is_group and kinds & _VARIABLE_MESSAGES == {_MessageKind.DATATYPE}:
+            raise RefusedContentError(f"its {path} is a data type of its own", _STORE_NUMBERS)
+        if is_variable == is_group or (is_group and kinds & _VARIABLE_MESSAGES):
             raise RefusedContentError(f"it has {path or '/'}, neither group nor variable")
         self.known[address] = is_variable
         if is_variable:
@@ -979,15 +819,15 @@ class _Inspection:
         else:
             self._group(messages, path, depth)
 
-    def _group(self, messages: list[Message], path: str, depth: int) -> None:
+    def _group(self, messages: list[_Message], path: str, depth: int) -> None:
         self.groups += 1
         check_count(self.groups, self.limits.groups, "groups")
         if depth > self.limits.depth:
             raise RefusedContentError(f"it has groups more than {self.limits.depth} deep")
         self._attributes(messages, path or "/", 0)
         links: dict[str, int] = {}
-        for place in self._parts(messages, MessageKind.LINK, MessageKind.LINK_INFO):
-            name, address = read_link(self.content, place)
+        for place in self._parts(messages, _MessageKind.LINK, _MessageKind.LINK_INFO):
+            name, address = _read_link(self.content, place)
             if links.setdefault(name, address) != address:
                 raise RefusedContentError(f"it has two objects by the name {path}/{name}")
             check_count(len(links), self.limits.links, "objects in one group")
@@ -996,50 +836,13 @@ class _Inspection:
         in_group = sum(self.known[each] for each in links.values())
         check_count(in_group, self.limits.in_group, "variables in one group")
 
-    def _variable(self, messages: list[Message], path: str) -> None:
+    def _variable(self, messages: list[_Message], path: str) -> None:
         self.variables += 1
         check_count(self.variables, self.limits.variables, "variables")
-        variable = read_variable(self.content, messages, path)
-        self._use(variable, path)
-        for attribute in self._attributes(messages, path, len(variable.extent)):
-            if attribute.name == "DIMENSION_LIST":
-                found = self.heap.object_references(attribute.address, attribute.size)
-                self.dimensions.extend((path, address) for address in found)
-
-    def _attributes(self, messages: list[Message], path: str, rank: int) -> list[Attribute]:
-        """Return the attributes of an object after a check of each."""
-        found = []
         try:
-            for place in self._parts(messages, MessageKind.ATTRIBUTE, MessageKind.ATTRIBUTE_INFO):
-                attribute = read_attribute(self.content, place)
-                check_attribute(attribute, rank, self.heap)
-                found.append(attribute)
-                check_count(len(found), self.limits.attributes, "attributes of one object")
+            variable = _read_variable(self.content, messages)
         except RefusedContentError as error:
-            raise error.within(after=f", at {path}") from None
-        return found
-
-    def _parts(self, messages: list[Message], kind: int, info: int) -> Iterator[int]:
-        """Yield where links or attributes begin, in the object header and in its heap."""
-        # Before the addresses stands the number of the last part, in two widths.
-        width = 8 if info == MessageKind.LINK_INFO else 2
-        seen = set()
-        for message in messages:
-            if message.kind == kind:
-                yield message.start
-            elif message.kind == info:
-                flags = self.content[message.start + 1]
-                at = message.start + 2 + width * (flags & 0x01)
-                heap, *trees = (
-                    uint(self.content, at + 8 * each, 8) for each in range(2 + bool(flags & 0x02))
-                )
-                for place in heap_objects(self.content, heap, tuple(trees)):
-                    if place not in seen:
-                        seen.add(place)
-                        yield place
-
-    def _use(self, variable: StoredVariable, path: str) -> None:
-        """Count the memory that the values of a variable take."""
+            raise error.within(f"its variable {path} ") from None
         self.memory += variable.memory
         for address, count in variable.texts:
             self.heap.count_texts(address, count)
@@ -1049,3 +852,43 @@ class _Inspection:
                 f"with its variable {path} it takes over {most / 1e6:.0f} MB of memory, "
                 f"and has {len(self.content) / 1e6:.1f} MB itself"
             )
+        for attribute in self._attributes(messages, path, variable.rank):
+            if attribute.name == "DIMENSION_LIST":
+                found = self.heap.object_addresses(attribute.address, attribute.size)
+                self.dimensions.extend((path, address) for address in found)
+
+    def _attributes(self, messages: list[_Message], path: str, rank: int) -> list[_Attribute]:
+        """Return the attributes of an object after a check of each."""
+        found = []
+        try:
+            for place in self._parts(messages, _MessageKind.ATTRIBUTE, _MessageKind.ATTRIBUTE_INFO):
+                attribute = _read_attribute(self.content, place)
+                if not _is_expected(attribute, rank):
+                    wrong = "has another type or number of values"
+                    raise RefusedContentError(f"its attribute {attribute.name} {wrong}")
+                if attribute.datatype.kind is _ValueKind.TEXT:
+                    self.heap.count_texts(attribute.address, attribute.size)
+                found.append(attribute)
+                check_count(len(found), self.limits.attributes, "attributes of one object")
+        except RefusedContentError as error:
+            raise error.within(after=f", at {path}") from None
+        return found
+
+    def _parts(self, messages: list[_Message], kind: int, info: int) -> Iterator[int]:
+        """Yield where links or attributes begin, in the object header and in its heap."""
+        # Before the addresses stands the number of the last part, in two widths.
+        width = 8 if info == _MessageKind.LINK_INFO else 2
+        seen = set()
+        for message in messages:
+            if message.kind == kind:
+                yield message.start
+            elif message.kind == info:
+                flags = self.content[message.start + 1]
+                at = message.start + 2 + width * (flags & 0x01)
+                heap, *trees = (
+                    _uint(self.content, at + 8 * each, 8) for each in range(2 + bool(flags & 0x02))
+                )
+                for place in _heap_objects(self.content, heap, trees):
+                    if place not in seen:
+                        seen.add(place)
+                        yield place

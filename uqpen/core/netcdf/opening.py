@@ -65,10 +65,8 @@ _DAMAGED = "its header is damaged"
 def check_classic(content: Content, limits: ContentLimits) -> None:
     """Refuse a file whose header the library could not follow within the file.
 
-    Raises
-    ------
-    RefusedContentError
-        If a type, a rank, a name or a dimension is none, or values lie outside the file.
+    RefusedContentError if a type, a rank, a name or a dimension is none, or values lie outside the
+    file.
     """
     try:
         _Header(content, limits).check()
@@ -90,7 +88,9 @@ class _Header:
         self.count_width, self.offset_width = _WIDTHS[version]
         self.most_types = _MOST_TYPES[version]
         records = self._number(self.count_width)
-        lengths = [self._dimension() for _ in self._named(_DIMENSION, self.limits.variables)]
+        lengths = [
+            self._number(self.count_width) for _ in self._named(_DIMENSION, self.limits.variables)
+        ]
         if lengths.count(0) > 1:  # 0 is the length of the dimension of records
             raise RefusedContentError(_DAMAGED)
         self._attributes()
@@ -110,11 +110,7 @@ class _Header:
             raise RefusedContentError("its variables lie on each other")
 
     def _number(self, width: int) -> int:
-        piece = self.content[self.at : self.at + width]
-        if len(piece) != width:
-            raise IndexError("the file ends before")
-        self.at += width
-        return int.from_bytes(piece, "big")
+        return int.from_bytes(self._skip(width), "big")
 
     def _skip(self, length: int) -> bytes:
         """Return the next bytes; what fills them up to a multiple of four is skipped as well."""
@@ -144,9 +140,6 @@ class _Header:
         if not 1 <= kind <= self.most_types:
             raise RefusedContentError("it has a data type that is none")
         return _SIZES[kind]
-
-    def _dimension(self) -> int:
-        return self._number(self.count_width)
 
     def _attributes(self) -> None:
         for _ in self._named(_ATTRIBUTE, self.limits.attributes):
@@ -200,50 +193,35 @@ class NetcdfVariable:
     stored: Any
 
     def values(self) -> Any:
-        """Return its values.
-
-        Raises
-        ------
-        RefusedContentError
-            If they cannot be read.
-        """
+        """Return its values; RefusedContentError if they cannot be read."""
         if isinstance(self.stored, RefusedContentError):
             raise self.stored
         return self.stored
 
 
 def read_variables(content: bytes) -> list[NetcdfVariable]:
-    """Read the variables outside groups, but not those that only number a dimension.
+    """Read the variables of a file outside groups, but not those that only number a dimension.
 
-    Parameters
-    ----------
-    content : bytes
-        A file of NetCDF 3 or 4, whoever has written it.
-
-    Raises
-    ------
-    RefusedContentError
-        If the libraries must not get it, or cannot read it.
+    RefusedContentError if the libraries must not get it, or cannot read it.
     """
+    found = []
     with _opened(content) as root, _refusing():
-        return [
-            NetcdfVariable(str(name), str(getattr(each, "units", "")), _values_or_reason(each))
-            for name, each in root.variables.items()
-            if not (name in root.dimensions and "units" not in each.ncattrs())
-        ]
+        for name, each in root.variables.items():
+            if name in root.dimensions and "units" not in each.ncattrs():
+                continue
+            try:
+                stored = _values(each)
+            except RefusedContentError as error:
+                stored = error
+            found.append(NetcdfVariable(str(name), str(getattr(each, "units", "")), stored))
+    return found
 
 
 def read_variable(content: bytes, name: str) -> Any:
     """Read the values of a variable of a file of data, as a masked array.
 
-    The name has those of groups before it, with slashes between.
-
-    Raises
-    ------
-    KeyError
-        If there is no variable of the name.
-    RefusedContentError
-        If the libraries must not get the file, or cannot read it.
+    The name has those of groups before it, with slashes between; KeyError if there is no such
+    variable. RefusedContentError if the libraries must not get the file, or cannot read it.
     """
     with _opened(content) as root:
         try:
@@ -256,13 +234,7 @@ def read_variable(content: bytes, name: str) -> Any:
 
 
 def check_netcdf(content: Content, limits: ContentLimits) -> None:
-    """Refuse a file that the NetCDF and HDF5 libraries must not get.
-
-    Raises
-    ------
-    RefusedContentError
-        With the reason.
-    """
+    """Refuse a file that the NetCDF and HDF5 libraries must not get, with the reason."""
     if content[: len(SIGNATURE)] == SIGNATURE:
         check_hdf5(content, limits)
     elif content[: len(MAGIC)] == MAGIC:
@@ -276,14 +248,8 @@ def open_archive_file(path: Path) -> Iterator[netCDF4.Dataset]:
     """Open an archive, whoever has written it; its values may be larger than the memory.
 
     It is looked through on the disk, and opened there. Whoever can change it in between could have
-    changed it before.
-
-    Raises
-    ------
-    OSError
-        If it cannot be read, or is no file.
-    RefusedContentError
-        If the libraries must not get it, or cannot open it.
+    changed it before. RefusedContentError if the libraries must not get it, or cannot open it;
+    OSError if it cannot be read, or is no file.
     """
     with open_file(path) as stream:
         if stream.read(len(SIGNATURE)) != SIGNATURE:
@@ -335,13 +301,6 @@ def _refusing(what: str = "it") -> Iterator[None]:
     except _LIBRARY_ERRORS as error:
         told = " ".join(str(getattr(error, "strerror", None) or error).split())
         raise RefusedContentError(f"{what} cannot be read by the library ({told[:200]})") from None
-
-
-def _values_or_reason(variable: Any) -> Any:
-    try:
-        return _values(variable)
-    except RefusedContentError as error:
-        return error
 
 
 def _values(variable: Any) -> Any:

@@ -152,7 +152,7 @@ def stopping_rule(key: str) -> Any:
 
 # Number of runs before the first look. In 4 000 trials of an exponential output, intervals of
 # nominal 95 % covered in 94.5 % at the worst target, in 92.9 % from 64 runs and 85.5 % from 8
-# (benchmarks/stopping_coverage.py).
+# (docs/decisions/047-designs-that-end-by-themselves.md).
 FIRST_LOOK = 512
 
 _NOTE = (

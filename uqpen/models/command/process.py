@@ -68,30 +68,13 @@ def run_process(
     The words are the program's path and its arguments; no shell expands them. The folder gets its
     `stdout` and `stderr`. `watch` gives the group to the guard of the folder.
 
-    Raises
-    ------
-    OSError
-        If it cannot be started.
+    OSError if it cannot be started.
     """
     if limits.bytes is not None:
         # Not by code of ours between fork and exec: that can deadlock where there are threads.
         words = ["/bin/sh", "-c", _WITH_LESS_MEMORY, str(limits.bytes // 1024), *words]
-    process = _start(words, folder)
-    try:
-        watch(process.pid)
-        is_late = not _wait(process, limits.seconds)
-    except BaseException:  # Ctrl-C above all
-        _end(process, is_forced=True)
-        raise
-    _end(process, is_forced=is_late)
-    watch(0)
-    return ProcessEnd(process.returncode, is_late)
-
-
-def _start(words: Sequence[str], folder: Path) -> subprocess.Popen[bytes]:
-    """Start a process in a session of its own; its output goes to files in its folder."""
     with (folder / STDOUT).open("wb") as stdout, (folder / STDERR).open("wb") as stderr:
-        return subprocess.Popen(
+        process = subprocess.Popen(
             words,
             cwd=folder,
             # Some programs ask the environment where they are.
@@ -101,6 +84,15 @@ def _start(words: Sequence[str], folder: Path) -> subprocess.Popen[bytes]:
             stderr=stderr,
             start_new_session=True,
         )
+    try:
+        watch(process.pid)
+        is_late = not _wait(process, limits.seconds)
+    except BaseException:  # Ctrl-C above all
+        _end(process, is_forced=True)
+        raise
+    _end(process, is_forced=is_late)
+    watch(0)
+    return ProcessEnd(process.returncode, is_late)
 
 
 def _end(process: subprocess.Popen[bytes], *, is_forced: bool) -> None:
@@ -196,12 +188,8 @@ rm -rf -- "$folder"
 def guard_folder(folder: Path) -> Iterator[Callable[[int], None]]:
     """Ensure within this context that no process started in a run's folder outlives this one.
 
-    If this process dies, the guard kills the processes in the folder and removes it.
-
-    Yields
-    ------
-    watch : callable
-        Takes the number of the process group that was started, or 0 at its end.
+    If this process dies, the guard kills the processes in the folder and removes it. The function
+    of the context takes the number of the process group that was started, or 0 at its end.
     """
     starting = f"0 {folder}"
     _send(starting)

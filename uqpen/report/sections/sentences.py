@@ -129,12 +129,6 @@ class QuotedStatistic:
         texts = estimate_texts(*values, is_logarithmic=is_logarithmic)
         return tuple(no_break(f"{text}{self.unit_text}") for text in texts)
 
-    def end_texts(self, array: xr.DataArray) -> tuple[str, ...]:
-        """Ends of a tolerance interval, rounded outward, each with its unit."""
-        _, lower, upper = self.bounds(array)
-        texts = tolerance_interval_texts(float(lower), float(upper))
-        return tuple(no_break(f"{text}{self.unit_text}") for text in texts)
-
     def interval(self, array: xr.DataArray) -> str:
         """Return the text in brackets after an estimate: its interval, or why it has none."""
         _, lower, upper = self.texts(array)
@@ -286,12 +280,7 @@ def output_blocks(
 ) -> Iterator[Block]:
     """Yield the blocks of each output under its heading; those of all but the main ones folded.
 
-    Parameters
-    ----------
-    blocks : mapping
-        By output; one without blocks is left out.
-    most : int
-        Outputs that are open, at the most.
+    The first main ones are open, `most` of them.
     """
     filled = {output: found for output, each in blocks.items() if (found := tuple(each))}
     main = [output for output in main_outputs(view) if output in filled][:most]
@@ -456,7 +445,9 @@ def _tolerance_limit_sentence(
 
 
 def _tolerance_interval_sentence(quantity: QuotedStatistic, array: xr.DataArray, name: str) -> str:
-    lower, upper = quantity.end_texts(array)
+    _, lower, upper = quantity.bounds(array)
+    texts = tolerance_interval_texts(float(lower), float(upper))
+    lower, upper = tuple(no_break(f"{text}{quantity.unit_text}") for text in texts)
     share = _share_of_cases(quantity.entry)
     return f"{name} is from {lower} to {upper} in {share} ({_level(array)} confidence)."
 

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Iterator
 
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.estimates import estimate_array
 from uqpen.core.arrays import FloatArray, IntArray
-from uqpen.core.labels import INTERVAL, INTERVAL_LABEL, INTERVAL_LEVEL, NOTE, RANK
+from uqpen.core.labels import RANK
 from uqpen.statistics import texts
 from uqpen.statistics.ascending import ascending
 from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around, sample_quantile
-from uqpen.statistics.intervals import clopper_pearson, dkw_half_width, student_quantile
+from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.intervals import clopper_pearson, dkw_half_width, student_interval
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import ErrorModel, Sample
 from uqpen.statistics.standard_errors import rounding_error
@@ -54,65 +53,37 @@ def cdf(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[str, xr.
         ("cdf", "pointwise", pointwise),
         ("cdf_band", "simultaneous", simultaneous),
     ):
-        long_name = f"probability that {title} lies below a value, {which}"
-        yield statistic, _band_array(band, coordinate, long_name, sample.level)
+        yield (
+            statistic,
+            band.to_array(
+                RANK,
+                units="1",
+                long_name=f"probability that {title} lies below a value, {which}",
+                coordinates=coordinate,
+                level=sample.level,
+            ),
+        )
 
 
-def _band_array(
-    band: _Band, coordinate: Mapping[str, Any], long_name: str, level: float
-) -> xr.DataArray:
-    """Return a band as an estimate array along ``rank`` and ``bound``."""
-    return estimate_array(
-        band.values,
-        {RANK: len(band.values)},
-        {INTERVAL: band.method, INTERVAL_LABEL: band.label, NOTE: band.note},
-        units="1",
-        long_name=long_name,
-        attributes={} if band.label == "none" else {INTERVAL_LEVEL: level},
-        coordinates=coordinate,
-    )
-
-
-class _Band(NamedTuple):
-    """Estimate, lower and upper bound at each value, and the texts of the interval."""
-
-    values: FloatArray
-    method: str
-    label: str
-    note: str = ""
-
-
-def _bands(sample: Sample, values: FloatArray) -> tuple[_Band, _Band]:
-    """Return the pointwise and the simultaneous band at some values."""
+def _bands(sample: Sample, values: FloatArray) -> tuple[Estimate, Estimate]:
+    """Return the pointwise and the simultaneous band at some values; none is known with weights."""
     if sample.run_weights is not None and sample.size:
-        return _weighted_bands(sample, sample.run_weights, values)
-    counts = sample.count_up_to(values)
-    estimate = counts / sample.size if sample.size else np.full(values.shape, np.nan)
+        estimate, errors = weighted_cdf(sample.values, sample.run_weights, values)
+    else:
+        counts = sample.count_up_to(values)
+        estimate = counts / sample.size if sample.size else np.full(values.shape, np.nan)
     if reason := sample.reason_without_intervals:
-        without = _no_band(estimate, reason)
+        without = Estimate.without_bounds(estimate, reason)
         return without, without
-    return _pointwise(sample, values, counts), _simultaneous(sample, estimate)
+    if sample.run_weights is None:
+        return _pointwise(sample, values, counts), _simultaneous(sample, estimate)
+    ends = weighted_probability_interval(estimate, errors, sample.run_weights, sample.level)
+    lower, upper = map(ascending, ends)
+    pointwise = Estimate(estimate, lower, upper, texts.CLOPPER_PEARSON_WEIGHTED, "nominal")
+    return pointwise, Estimate.without_bounds(estimate, texts.NO_WEIGHTED_BAND)
 
 
-def _no_band(estimate: FloatArray, reason: str) -> _Band:
-    """Return estimates without bounds, with the reason."""
-    none = np.full(estimate.shape, np.nan)
-    return _Band(np.stack([estimate, none, none], axis=-1), "none", "none", reason)
-
-
-def _weighted_bands(sample: Sample, weights: FloatArray, values: FloatArray) -> tuple[_Band, _Band]:
-    """Return the bands of weighted runs; no simultaneous one is known."""
-    estimate, errors = weighted_cdf(sample.values, weights, values)
-    if reason := sample.reason_without_intervals:
-        without = _no_band(estimate, reason)
-        return without, without
-    ends = weighted_probability_interval(estimate, errors, weights, sample.level)
-    band = np.stack([estimate, *map(ascending, ends)], axis=-1)
-    pointwise = _Band(band, texts.CLOPPER_PEARSON_WEIGHTED, "nominal")
-    return pointwise, _no_band(estimate, texts.NO_WEIGHTED_BAND)
-
-
-def _pointwise(sample: Sample, values: FloatArray, total: IntArray) -> _Band:
+def _pointwise(sample: Sample, values: FloatArray, total: IntArray) -> Estimate:
     estimate = total / sample.size
     lower, upper = clopper_pearson(total, sample.size, sample.level)
     method, label = texts.CLOPPER_PEARSON, "conservative"
@@ -120,14 +91,15 @@ def _pointwise(sample: Sample, values: FloatArray, total: IntArray) -> _Band:
         label = "discrete"
     elif sample.error_model is ErrorModel.REPLICATED:
         errors = _errors(sample, values, estimate)
-        half = student_quantile(sample.degrees_of_freedom, sample.level) * errors
+        freedom, level = sample.degrees_of_freedom, sample.level
+        low, high = student_interval(estimate, errors, freedom, level, lowest=0.0, highest=1.0)
         regular = has_enough_runs_around(sample, total)
         # The scatter is another one at each value, and the next bound may be lower.
-        lower = ascending(np.where(regular, np.maximum(estimate - half, 0.0), lower))
-        upper = ascending(np.where(regular, np.minimum(estimate + half, 1.0), upper))
+        lower = ascending(np.where(regular, low, lower))
+        upper = ascending(np.where(regular, high, upper))
         method = texts.STUDENT_OR_CLOPPER_PEARSON
         label = "discrete"
-    return _Band(np.stack([estimate, lower, upper], axis=-1), method, label)
+    return Estimate(estimate, lower, upper, method, label)
 
 
 def _errors(sample: Sample, values: FloatArray, estimate: FloatArray) -> FloatArray:
@@ -142,10 +114,10 @@ def _errors(sample: Sample, values: FloatArray, estimate: FloatArray) -> FloatAr
     return np.maximum(np.sqrt(variance), rounding_error(sample))
 
 
-def _simultaneous(sample: Sample, estimate: FloatArray) -> _Band:
+def _simultaneous(sample: Sample, estimate: FloatArray) -> Estimate:
     half = dkw_half_width(sample.size, sample.level)
     # On stratified points the band is wider than need be: the function scatters less than it does
     # over independent draws.
     label = "nominal" if sample.error_model is ErrorModel.INDEPENDENT else "conservative"
     lower, upper = np.maximum(estimate - half, 0.0), np.minimum(estimate + half, 1.0)
-    return _Band(np.stack([estimate, lower, upper], axis=-1), texts.SIMULTANEOUS_BAND, label)
+    return Estimate(estimate, lower, upper, texts.SIMULTANEOUS_BAND, label)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import operator
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -17,7 +17,7 @@ from uqpen.core.status import Status
 from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around
 from uqpen.statistics.estimate import LEVEL, Estimate
-from uqpen.statistics.intervals import clopper_pearson, student_quantile
+from uqpen.statistics.intervals import clopper_pearson, student_interval
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.run_samples import sample_of_statuses
 from uqpen.statistics.sample import Column, ErrorModel, Sample
@@ -62,16 +62,14 @@ def exceedance_probabilities(
         return
     long_name = f"probability that {quantity.output.title} exceeds a value"
     along = threshold_coordinates(quantity)
-    yield (
-        "exceedance",
-        requested_exceedances(sample, quantity).to_array(
-            THRESHOLD,
-            units="1",
-            long_name=long_name,
-            coordinates=along,
-            level=sample.level,
-        ),
-    )
+    found = requested_exceedances(sample, quantity)
+    yield "exceedance", _array(found, THRESHOLD, long_name, along, sample.level)
+
+
+def _array(
+    found: Estimate, dimension: str, long_name: str, along: Mapping[str, Any], level: float
+) -> xr.DataArray:
+    return found.to_array(dimension, units="1", long_name=long_name, coordinates=along, level=level)
 
 
 def requested_exceedances(sample: Sample, quantity: QuantityOfInterest) -> Estimate:
@@ -101,16 +99,8 @@ def below_probabilities(
     long_name = f"probability that {quantity.output.title} lies below a value"
     unit = quantity.output.unit
     along = _coordinates(quantity.lower_thresholds, LOWER_THRESHOLD, "value to lie below", unit)
-    yield (
-        "below",
-        requested_below(sample, quantity).to_array(
-            LOWER_THRESHOLD,
-            units="1",
-            long_name=long_name,
-            coordinates=along,
-            level=sample.level,
-        ),
-    )
+    found = requested_below(sample, quantity)
+    yield "below", _array(found, LOWER_THRESHOLD, long_name, along, sample.level)
 
 
 def requested_below(sample: Sample, quantity: QuantityOfInterest) -> Estimate:
@@ -170,16 +160,8 @@ def category_probabilities(
         return
     long_name = f"share of {quantity.output.title}"
     along = category_coordinates(quantity)
-    yield (
-        "share",
-        category_shares(sample, quantity).to_array(
-            CATEGORY,
-            units="1",
-            long_name=long_name,
-            coordinates=along,
-            level=sample.level,
-        ),
-    )
+    found = category_shares(sample, quantity)
+    yield "share", _array(found, CATEGORY, long_name, along, sample.level)
 
 
 def category_shares(sample: Sample, quantity: QuantityOfInterest) -> Estimate:
@@ -211,9 +193,7 @@ def probabilities_of_statuses(sample: Sample) -> xr.DataArray:
     long_name = "probability that a run ends so"
     names = np.array([status.meaning for status in ends], dtype=object)
     along = {STATUS: (STATUS, names, {"long_name": "end of a run"})}
-    return Estimate.stacked(estimates).to_array(
-        STATUS, units="1", long_name=long_name, coordinates=along, level=sample.level
-    )
+    return _array(Estimate.stacked(estimates), STATUS, long_name, along, sample.level)
 
 
 def _probability(sample: Sample, events: Column) -> Estimate:
@@ -236,8 +216,7 @@ def _probability(sample: Sample, events: Column) -> Estimate:
 def _probability_by_scatter(sample: Sample, events: Column, value: FloatArray) -> Estimate:
     """Probability of an event with the error that the scatter of stratified runs shows."""
     error, freedom, is_rounded = probability_error(sample, events)
-    half = student_quantile(freedom, sample.level) * error
-    ends = np.maximum(value - half, 0.0), np.minimum(value + half, 1.0)
+    ends = student_interval(value, error, freedom, sample.level, lowest=0.0, highest=1.0)
     if sample.error_model is ErrorModel.SINGLE_STRATIFIED_SET:
         return Estimate(value, *ends, sample.residual_method, "conservative")
     label = np.where(is_rounded, "discrete", "nominal")

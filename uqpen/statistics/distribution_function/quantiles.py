@@ -14,7 +14,7 @@ from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.intervals import (
     order_statistic_ranks,
-    student_quantile,
+    student_interval,
 )
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import ErrorModel, Sample
@@ -147,11 +147,17 @@ def _quantile_estimate(sample: Sample, p: float, value: FloatArray) -> Estimate:
     if sample.run_weights is not None:
         return _weighted_quantile_estimate(sample, sample.run_weights, p, value)
     found = _by_order_statistics(sample, p, value)
-    if not _has_woodruff(sample, p):
+    is_replicated = sample.error_model is ErrorModel.REPLICATED
+    if not is_replicated or not bool(has_enough_runs_around(sample, sample.size * p)):
         return found
-    lower, upper, label = _woodruff_ranks(sample, p, value, sample.level)
+    # Woodruff, R. S. (1952). J. Am. Stat. Assoc. 47, 635-646; with the scatter over replicates.
+    error, freedom, is_rounded = cdf_error(sample, value)
+    low, high = student_interval(p, error, freedom, sample.level)
+    # Least and largest whole number of runs below the quantile.
+    lower, upper = np.ceil(sample.size * low), np.floor(sample.size * high) + 1
     exist = (lower >= 1) & (upper <= sample.size)
     ends = order_statistic(sample, lower), order_statistic(sample, upper)
+    label = np.where(is_rounded, "discrete", "nominal")
     return found.replace_at(exist, Estimate(value, *ends, texts.WOODRUFF, label))
 
 
@@ -173,28 +179,9 @@ def _weighted_quantile_estimate(
 ) -> Estimate:
     """Estimate a quantile of weighted runs: the distribution function's error, inverted."""
     error, freedom, _ = cdf_error(sample, value)
-    step = student_quantile(freedom, sample.level) * error
-    levels = np.clip(np.stack([p - step, p + step], axis=-1), 0.0, 1.0)
+    ends = student_interval(p, error, freedom, sample.level, lowest=0.0, highest=1.0)
+    levels = np.stack(ends, axis=-1)
     lower, upper = np.moveaxis(weighted_quantile(sample.values, weights, levels), -1, 0)
     is_few = runs_on_a_side(weights, sample.values > value[..., np.newaxis]) < _FEWEST_BEYOND
     found = Estimate(value, lower, upper, texts.WOODRUFF_WEIGHTED, "nominal")
     return found.remove_bounds_at(is_few, texts.FEW_WEIGHTED_BEYOND)
-
-
-def _has_woodruff(sample: Sample, p: float) -> bool:
-    is_replicated = sample.error_model is ErrorModel.REPLICATED
-    return is_replicated and bool(has_enough_runs_around(sample, sample.size * p))
-
-
-def _woodruff_ranks(
-    sample: Sample, p: float, value: FloatArray, level: float
-) -> tuple[FloatArray, FloatArray, npt.NDArray[np.str_]]:
-    """Return the ranks that enclose a quantile, and the label of the interval.
-
-    Woodruff, R. S. (1952). J. Am. Stat. Assoc. 47, 635-646; with the scatter over replicates.
-    """
-    error, freedom, is_rounded = cdf_error(sample, value)
-    step = student_quantile(freedom, level) * error
-    # Least and largest whole number of runs below the quantile.
-    fewest, most = np.ceil(sample.size * (p - step)), np.floor(sample.size * (p + step))
-    return fewest, most + 1, np.where(is_rounded, "discrete", "nominal")

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -51,8 +51,7 @@ __all__ = [
 _MOST_VALUES = 2**20
 
 
-@dataclass(frozen=True, eq=False)
-class PlaceSamples:
+class PlaceSamples(NamedTuple):
     """Samples of a field at places that exist in the same runs.
 
     Parameters
@@ -66,15 +65,6 @@ class PlaceSamples:
 
     places: IntArray
     runs: Sample
-
-    @property
-    def values(self) -> FloatArray:
-        """The values by place, shape (place, run)."""
-        return self.runs.values
-
-    def at(self, place: int) -> Sample:
-        """Return the sample at one of the places, by its position in `places`."""
-        return replace(self.runs, values=self.values[place])
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,8 +107,8 @@ class FieldSample:
     def effective_runs(self) -> FloatArray:
         """Runs that decide the variance at each place, shape (place,); NaN without scatter."""
         found = np.full(self.matrix.shape[1], np.nan)
-        for group in self.samples():
-            found[group.places] = group.runs.shape.effective_runs
+        for places, runs in self.samples():
+            found[places] = runs.shape.effective_runs
         return found
 
     def samples(self) -> Iterator[PlaceSamples]:
@@ -180,101 +170,68 @@ def at_each_place(
     """
     scalar = replace(quantity, output=replace(quantity.output, dims=(), may_end=False))
     found: dict[str, list[tuple[IntArray, xr.DataArray]]] = {}
-    for group in field.samples():
-        for name, array in islice(analysis(group.runs, scalar), most):
-            found.setdefault(name, []).append((group.places, array))
+    for places, runs in field.samples():
+        for name, array in islice(analysis(runs, scalar), most):
+            found.setdefault(name, []).append((places, array))
     for name, parts in found.items():
-        yield name, _joined(parts, field.output, field.runs.level)
+        order = np.argsort(np.concatenate([places for places, _ in parts]))
+        arrays = [array for _, array in parts]
+        attributes = {**arrays[0].attrs, INTERVAL_LEVEL: field.runs.level}
+        yield name, _joined(arrays, field.output, attributes, order)
 
 
 def along_field(array: xr.DataArray, output: Output, level: float) -> xr.DataArray:
     """Return an estimate array along all places as one along the dimensions of the field."""
-    return _joined([(np.arange(array.sizes[PLACE]), array)], output, level)
+    return _joined(
+        [array], output, {**array.attrs, INTERVAL_LEVEL: level}, np.arange(array.sizes[PLACE])
+    )
+
+
+def joined_places(arrays: Sequence[xr.DataArray], output: Output) -> xr.DataArray:
+    """Return the estimate arrays at all places of a field as one, along its dimensions first."""
+    attributes = {key: value for each in arrays for key, value in each.attrs.items()}
+    return _joined(arrays, output, attributes, None)
 
 
 def _joined(
-    parts: list[tuple[IntArray, xr.DataArray]], output: Output, level: float
+    arrays: Sequence[xr.DataArray],
+    output: Output,
+    attributes: dict[str, Any],
+    order: IntArray | None,
 ) -> xr.DataArray:
-    """Return the arrays of all groups of places as one along the dimensions of the field."""
-    order = np.argsort(np.concatenate([places for places, _ in parts]))
-    arrays = [array for _, array in parts]
+    """Return arrays as one along the dimensions of the field: of a place each, or along places."""
+
+    def join(parts: list[Any]) -> Any:
+        return np.stack(parts) if order is None else np.concatenate(parts)[order]
+
     own = {str(dim): size for dim, size in arrays[0].sizes.items() if dim not in (PLACE, BOUND)}
     coordinates = {
         str(name): each.variable
         for name, each in arrays[0].coords.items()
         if name not in (*INTERVAL_TEXTS, BOUND)
     }
-    attributes: dict[str, Any] = {INTERVAL_LEVEL: level}
     if output.may_end:
         attributes[CONDITIONAL] = texts.REACHED
     return estimate_array(
-        np.concatenate([array.values for array in arrays])[order],
+        join([array.values for array in arrays]),
         {**output.sizes, **own},
-        {
-            text: np.concatenate([array.coords[text].values for array in arrays])[order]
-            for text in INTERVAL_TEXTS
-        },
-        units=arrays[0].attrs["units"],
-        long_name=arrays[0].attrs["long_name"],
+        {text: join([array.coords[text].values for array in arrays]) for text in INTERVAL_TEXTS},
+        units=attributes.pop("units"),
+        long_name=attributes.pop("long_name"),
         attributes=attributes,
         coordinates={**field_coordinates(output.dims), **coordinates},
     )
 
 
-# Estimates at all places of a field, as estimate arrays.
-
-
 def input_place_array(
-    estimates: Estimate,
-    output: Output,
-    inputs: Sequence[str],
-    long_name: str,
-    level: float,
+    estimates: Estimate, output: Output, inputs: Sequence[str], long_name: str, level: float
 ) -> xr.DataArray:
-    """Return estimates as an estimate array along the dimensions of a field and ``input``.
-
-    Parameters
-    ----------
-    estimates : Estimate
-        Of shape (place, input).
-    output : Output
-        The field.
-    inputs : sequence of str
-        Names of the inputs.
-    long_name : str
-        Meaning of the estimates.
-    level : float
-        Confidence level of their intervals.
-    """
+    """Return estimates of shape (place, input) as an array along a field and ``input``."""
     along = input_coordinate(inputs)
     array = estimates.to_array(
         INPUT, units="1", long_name=long_name, coordinates=along, level=level
     )
     return along_field(array, output, level)
-
-
-def joined_places(arrays: Sequence[xr.DataArray], output: Output) -> xr.DataArray:
-    """Return the estimate arrays at all places of a field as one, along its dimensions first."""
-    first = arrays[0]
-    own = {str(dim): size for dim, size in first.sizes.items() if dim != BOUND}
-    attributes = {key: value for each in arrays for key, value in each.attrs.items()}
-    array = estimate_array(
-        np.stack([each.values for each in arrays]),
-        {**output.sizes, **own},
-        {text: np.stack([each.coords[text].values for each in arrays]) for text in INTERVAL_TEXTS},
-        units=attributes.pop("units"),
-        long_name=attributes.pop("long_name"),
-        attributes=attributes,
-        coordinates={
-            **field_coordinates(output.dims),
-            **{dim: first.coords[dim].variable for dim in own},
-        },
-    )
-    return array.assign_attrs(_condition(output))
-
-
-def _condition(output: Output) -> dict[str, str]:
-    return {CONDITIONAL: texts.REACHED} if output.may_end else {}
 
 
 # Statistics at each place of a field: moments, quantiles, probabilities, shares of runs.

@@ -87,13 +87,13 @@ def band_depth(field: FieldSample) -> FloatArray:
     pairs.
     """
     total, weight = np.zeros(field.runs.size), np.zeros(field.runs.size)
-    for group in field.samples():
-        exists = np.flatnonzero(field.exists[:, group.places[0]])
+    for places, runs in field.samples():
+        exists = np.flatnonzero(field.exists[:, places[0]])
         if len(exists) < 2:
             continue
         share = len(exists) / field.runs.size
-        total[exists] += share * _enclosing_share(group.values).sum(axis=0)
-        weight[exists] += share * len(group.places)
+        total[exists] += share * _enclosing_share(runs.values).sum(axis=0)
+        weight[exists] += share * len(places)
     with np.errstate(invalid="ignore"):
         return np.where(weight > 0, total / weight, 0.0)
 

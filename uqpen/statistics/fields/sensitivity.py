@@ -265,7 +265,7 @@ class _FieldRegressions:
             size = max(_VALUES_TOGETHER // max(group.runs.size, 1), 1)
             for start in range(0, len(group.places), size):
                 places = group.places[start : start + size]
-                values = group.values[start : start + size]
+                values = group.runs.values[start : start + size]
                 variable = SampledVariable(replace(group.runs, values=values))
                 yield _Part(places, runs, regressions, variable, self._weights(places, variable))
 

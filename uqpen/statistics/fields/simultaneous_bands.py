@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
 from typing import Any
@@ -12,14 +12,14 @@ import numpy as np
 import xarray as xr
 from scipy import special
 
-from uqpen.archive.estimates import INTERVAL_TEXTS, estimate_array
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
-from uqpen.core.labels import BOUND, INTERVAL_LEVEL, LEFT_OUT
+from uqpen.core.labels import INTERVAL_LEVEL, LEFT_OUT
 from uqpen.core.model import Dimension
 from uqpen.core.streams import Stream
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.quantiles import quantile_estimates
+from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.fields.field_sample import FieldSample, ScalarAnalysis, at_each_place
 from uqpen.statistics.moments.sample_moments import sample_moments
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
@@ -175,15 +175,12 @@ def _runs_that_change(field: FieldSample) -> FloatArray:
 
 def _effective_runs(values: FloatArray) -> FloatArray:
     """Return the effective runs that decide the variance of values along runs; 0 without any."""
-    deviations = np.nan_to_num(values - _mean_of_known(values))
+    is_known = ~np.isnan(values)
+    sums = np.where(is_known, values, 0.0).sum(axis=0)
+    deviations = np.nan_to_num(values - sums / np.maximum(is_known.sum(axis=0), 1))
     largest = np.abs(deviations).max(axis=0)
     squares = (deviations / np.where(largest > 0, largest, 1.0)) ** 2
     return effective_sizes(np.moveaxis(squares, 0, -1))
-
-
-def _mean_of_known(values: FloatArray) -> FloatArray:
-    is_known = ~np.isnan(values)
-    return np.where(is_known, values, 0.0).sum(axis=0) / np.maximum(is_known.sum(axis=0), 1)
 
 
 def _extent(dims: tuple[Dimension, ...], places: list[int]) -> str:
@@ -289,7 +286,9 @@ def simultaneous_level(runs: Sample, deviations: Iterable[FloatArray]) -> float:
     of these curves relative to their own standard deviation counts.
     """
     is_replicated = runs.error_model is ErrorModel.REPLICATED
-    group = runs.replicate if is_replicated else _groups_of_runs(runs.size)
+    group = runs.replicate  # of many runs neighbouring ones are together
+    if not is_replicated:
+        group = np.arange(runs.size) * min(runs.size, _MOST_GROUPS) // max(runs.size, 1)
     groups = int(group[-1]) + 1 if group.size else 0
     draws = max(_DRAWS, math.ceil(runs.level / (1 - runs.level)))
     copies = groups if is_replicated else 1
@@ -304,11 +303,6 @@ def simultaneous_level(runs: Sample, deviations: Iterable[FloatArray]) -> float:
     critical = float(np.sort(largest)[rank - 1])
     beyond = special.stdtr(groups - 1, -critical) if is_replicated else special.ndtr(-critical)
     return max(1 - 2 * float(beyond), runs.level)
-
-
-def _groups_of_runs(runs: int) -> IntArray:
-    """Return the group of each run, neighbouring runs together."""
-    return np.arange(runs) * min(runs, _MOST_GROUPS) // max(runs, 1)
 
 
 def _correlated(
@@ -366,7 +360,7 @@ def mean_band(
     places = mean_band_places(field, reason_without_band(field.runs))
     level = _level(field, places, lambda values, _: values)
     array = _at_level(sample_moments, field, quantity, level)
-    yield "mean_band", _band(array, field, places, level)
+    yield "mean_band", _band(array, Estimate.from_array(array), field, places, level)
 
 
 def quantile_band(
@@ -386,16 +380,18 @@ def quantile_band(
     array = _at_level(quantile_estimates, field, quantity, field.runs.level)
     curves = array.values[..., 0].reshape(len(places.reasons), -1).T
     levels = [_level(field, places, partial(_is_below, curve)) for curve in curves]
+    found = Estimate.from_array(array)
     if places.covered.size:
         alone = [replace(quantity, quantiles=(p,)) for p in quantity.quantiles]
-        array = _widened(
-            array,
-            [
-                _at_level(quantile_estimates, field, one, level)
-                for one, level in zip(alone, levels, strict=True)
-            ],
+        wide = Estimate.stacked(
+            Estimate.from_array(_at_level(quantile_estimates, field, one, level)[..., 0, :])
+            for one, level in zip(alone, levels, strict=True)
         )
-    yield "quantile_band", _band(array, field, places, np.array(levels))
+        # The error over replicates may suffice at the lower of the levels alone. The formula in its
+        # place at the higher one may be narrower at an end. NaN stays: an end that does not exist.
+        lower, upper = np.minimum(found.lower, wide.lower), np.maximum(found.upper, wide.upper)
+        found = replace(wide, value=found.value, lower=lower, upper=upper)
+    yield "quantile_band", _band(array, found, field, places, np.array(levels))
 
 
 def _level(field: FieldSample, places: BandPlaces, influence: Influence) -> float:
@@ -415,53 +411,18 @@ def _at_level(
     return next(at_each_place(analysis, at_level, quantity, most=1))[1]
 
 
-def _widened(array: xr.DataArray, wide: Sequence[xr.DataArray]) -> xr.DataArray:
-    """Return the intervals of several quantiles with the wider bounds of each, and their texts.
-
-    The error over replicates may suffice at the lower of the levels alone. The formula in its place
-    at the higher one may be narrower at an end. NaN stays: it is an end that does not exist.
-    """
-    values = np.concatenate([each.values for each in wide], axis=-2)
-    values[..., 0] = array.values[..., 0]
-    values[..., 1] = np.minimum(array.values[..., 1], values[..., 1])
-    values[..., 2] = np.maximum(array.values[..., 2], values[..., 2])
-    texts_of_each = {
-        text: (array.dims[:-1], np.concatenate([each.coords[text].values for each in wide], -1))
-        for text in INTERVAL_TEXTS
-    }
-    return array.copy(deep=False, data=values).assign_coords(texts_of_each)
-
-
-def _band(array: xr.DataArray, field: FieldSample, places: BandPlaces, level: Any) -> xr.DataArray:
-    """Return the intervals at each place as a band, without bounds at places that it leaves out."""
-    values = array.values.reshape(len(places.reasons), -1, 3).copy()
-    method, label, note = (
-        array.coords[text].values.reshape(values.shape[:2]).copy() for text in INTERVAL_TEXTS
-    )
-    left_out = np.setdiff1d(np.arange(len(places.reasons)), places.covered)
-    values[left_out, :, 1:] = np.nan
-    method[left_out] = label[left_out] = "none"
-    note[left_out] = np.array(places.reasons, dtype=object)[left_out, np.newaxis]
-    has_bounds = label != "none"
-    for each in set(method[has_bounds]):
-        method[has_bounds & (method == each)] = texts.SIMULTANEOUS.format(method=each)
-    attributes = {
-        **array.attrs,
-        INTERVAL_LEVEL: field.runs.level,
-        **places.left_out(field.dims),
-    }
+def _band(
+    array: xr.DataArray, found: Estimate, field: FieldSample, places: BandPlaces, level: Any
+) -> xr.DataArray:
+    """Return an array with estimates as a band, without bounds at places that it leaves out."""
+    own = [1] * (found.value.ndim - len(field.dims))
+    reasons = np.array(places.reasons, dtype=object).reshape(*field.output.shape, *own)
+    without = replace(Estimate.without_bounds(found.value), note=reasons)
+    found = found.replace_at(reasons != "", without)
+    found = found.replace_at(found.has_bounds, found.with_method(texts.SIMULTANEOUS))
+    band = array.copy(deep=False, data=found.bounds)
+    band.attrs["long_name"] += ", simultaneous bounds"
+    band.attrs |= {INTERVAL_LEVEL: field.runs.level, **places.left_out(field.dims)}
     if places.covered.size:
-        attributes["pointwise_level"] = level
-    return estimate_array(
-        values,
-        {str(dim): size for dim, size in array.sizes.items() if dim != BOUND},
-        dict(zip(INTERVAL_TEXTS, (method, label, note), strict=True)),
-        units=attributes.pop("units"),
-        long_name=f"{attributes.pop('long_name')}, simultaneous bounds",
-        attributes=attributes,
-        coordinates={
-            str(name): each.variable
-            for name, each in array.coords.items()
-            if name not in (*INTERVAL_TEXTS, BOUND)
-        },
-    )
+        band.attrs["pointwise_level"] = level
+    return band.assign_coords({name: (band.dims[:-1], text) for name, text in found.texts.items()})

@@ -63,8 +63,8 @@ class BandShape:
     def of(cls, field: FieldSample, *, is_positive: bool) -> BandShape:
         """Return the shape that the runs of a field have."""
         quantiles = np.full((field.matrix.shape[1], len(_PROBABILITIES)), np.nan)
-        for group in field.samples():
-            quantiles[group.places] = sample_quantile(group.runs, _PROBABILITIES)
+        for places, runs in field.samples():
+            quantiles[places] = sample_quantile(runs, _PROBABILITIES)
         lowest, low, median, high, highest = quantiles.T
         below = _distance_below(median, low, is_positive=is_positive)
         least = _LEAST_SHARE * (highest - lowest)

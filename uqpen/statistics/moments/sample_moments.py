@@ -15,7 +15,7 @@ from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around, sample_quantile
 from uqpen.statistics.estimate import Estimate
-from uqpen.statistics.intervals import student_quantile
+from uqpen.statistics.intervals import student_interval
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import ENOUGH_RUNS_FOR_MEANS, Column, ErrorModel, Sample, SampleShape
 from uqpen.statistics.standard_errors import (
@@ -225,9 +225,11 @@ def _half_spread(sample: Sample) -> Estimate:
         return Estimate.without_bounds(np.asarray(value), reason)
     errors, freedoms, _ = zip(*(cdf_error(sample, end) for end in ends), strict=True)
     correlation = _correlation(sample, *(sample.event(operator.le, end) for end in ends))
-    step = student_quantile(freedoms[0], sample.level) * np.array(errors)
-    down = (ends - sample_quantile(sample, np.clip(probabilities - step, 0.0, 1.0))) / 2
-    up = (sample_quantile(sample, np.clip(probabilities + step, 0.0, 1.0)) - ends) / 2
+    low, high = student_interval(
+        probabilities, errors, freedoms[0], sample.level, lowest=0.0, highest=1.0
+    )
+    down = (ends - sample_quantile(sample, low)) / 2
+    up = (sample_quantile(sample, high) - ends) / 2
     return Estimate(
         np.asarray(value),
         np.asarray(value - _combined_error(up[0], down[1], correlation)),
