@@ -21,7 +21,7 @@ from uqpen.benchmark.methods import (
     SurrogateMethod,
 )
 from uqpen.core.arrays import BoolArray, FloatArray
-from uqpen.core.catalogue import COMPARISON_STATISTICS, METHOD_STATISTICS
+from uqpen.core.catalogue import COMPARISON_STATISTICS, METHOD_STATISTICS, STD
 from uqpen.core.labels import (
     BOUNDS,
     BUDGET,
@@ -362,7 +362,7 @@ class EstimateRecord:
         # Along entry and bound, and the scales of the relative errors along entry.
         self._reference = {each: each.estimates(truth) for each in statistics}
         self._scales = {
-            each: each.error_scale(values[:, 0], float(truth[each.output]["std"].values[0]))
+            each: each.error_scale(values[:, 0], float(truth[each.output][STD.name].values[0]))
             for each, values in self._reference.items()
         }
         shape = (len(methods), len(settings.budgets), settings.repeats)

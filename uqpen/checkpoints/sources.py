@@ -698,12 +698,7 @@ class PointIndex:
     def find(self, inputs: Arrays, start: int, size: int) -> IntArray:
         """Return the position of each point among the known ones, shape (run,); -1 for none.
 
-        Parameters
-        ----------
-        inputs : mapping of str to ndarray, shape (run,)
-            Consecutive points of a round.
-        start, size : int
-            Number of the first of them in its round, and of all points of the round.
+        The arguments are as those of `IndexedRuns.find`.
         """
         columns = _bits(inputs, self._names)
         hashes = _hashes(columns)

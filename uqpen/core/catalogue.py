@@ -78,12 +78,15 @@ __all__ = [
     "FAILURE_STATISTICS",
     "INTERVAL_RECIPE",
     "JOINT_STATISTICS",
+    "MEAN",
     "MEASURES",
     "METHOD_STATISTICS",
     "MODEL_FORM_STATISTICS",
     "NAMES_IN_USE",
+    "QUANTILE",
     "REQUESTED",
     "REQUESTED_DIMENSIONS",
+    "STD",
     "TABLE_COLUMNS",
     "UNLISTED_DIMENSIONS",
     "comparison_statistics",
@@ -657,6 +660,9 @@ def _by_name(statistics: list[Statistic]) -> Mapping[str, Statistic]:
 
 
 CATALOGUE = _by_name(_STATISTICS)
+
+# Those that every numeric output has, for what states them first.
+MEAN, STD, QUANTILE = CATALOGUE["mean"], CATALOGUE["std"], CATALOGUE["quantile"]
 
 # Statistics of a design's runs as a whole, of no output in particular.
 FAILURE_STATISTICS = _by_name(_FAILURE_STATISTICS)

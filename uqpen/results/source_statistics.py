@@ -13,7 +13,7 @@ import xarray as xr
 from uqpen.archive.estimates import UnpackedStatistics, array_entries
 from uqpen.archive.fields import field_dimensions
 from uqpen.archive.groups import group_names, model_trees, read_group
-from uqpen.core.catalogue import CATALOGUE
+from uqpen.core.catalogue import CATALOGUE, FAILURE_STATISTICS
 from uqpen.core.labels import (
     AXIS_SCALE,
     BOUND,
@@ -62,6 +62,10 @@ __all__ = [
     "source_entries",
     "user_defined",
 ]
+
+
+# The probability that a run ends with a status.
+_OF_STATUS = next(each.name for each in FAILURE_STATISTICS.values() if STATUS in each.dims)
 
 
 @dataclass(frozen=True)
@@ -299,14 +303,14 @@ class SourceStatistics:
 
     def status_probabilities(self, design: str) -> dict[str, xr.DataArray]:
         """Return the probability of each status of a design's runs, by its meaning."""
-        chances = self.failures(design).get("probability")
+        chances = self.failures(design).get(_OF_STATUS)
         if chances is None:
             return {}
         return dict(zip(chances[STATUS].values.tolist(), array_entries(chances), strict=True))
 
     def run_accounts(self, design: str) -> dict[str, str]:
         """Return the attributes by which failed runs qualify the statistics of a design."""
-        attributes = self.failures(design).get("probability", xr.DataArray()).attrs
+        attributes = self.failures(design).get(_OF_STATUS, xr.DataArray()).attrs
         return {name: attributes[name] for name in (CONDITIONAL, MISSING) if name in attributes}
 
 

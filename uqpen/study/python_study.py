@@ -218,24 +218,6 @@ def is_data(value: object) -> bool:
     return isinstance(value, pd.DataFrame | xr.Dataset)
 
 
-def _data_table(data: Any, units: Mapping[str, str], outputs: Iterable[str]) -> dict[str, Any]:
-    """Return the table of a study file that declares runs as its data file.
-
-    Parameters
-    ----------
-    data : DataFrame or Dataset
-        A column ``name [unit]`` or a variable along one dimension for each input and output.
-    units : mapping of str to str
-        The units that the study states for inputs and outputs. They are those of columns without a
-        unit; others are units for display.
-    outputs : iterable of str
-        The outputs. All other columns are inputs, but for those with a meaning of their own.
-    """
-    known = dict(_parts(heading) for heading in map(str, _frame(data).columns))
-    without = {name: unit for name, unit in units.items() if known.get(name) == ""}
-    return {"data": _NAME, "outputs": list(outputs), "units": without or None}
-
-
 def _parts(heading: str) -> tuple[str, str]:
     try:
         name, unit = heading_parts(heading, _NAME)
@@ -383,7 +365,11 @@ class StudyContent:
             self.objects["model",] = _frame(model).to_csv(index=False).encode("utf-8")
             outputs = {str(name): _output_unit(value) for name, value in _model_outputs(given)}
             units = {name: each[0] for name, each in units_of.items() if each} | outputs
-            given["model"] = _data_table(model, units, outputs)
+            # Units of columns without one; others are units for display.
+            headings = map(str, _frame(model).columns)
+            bare = {name for name, unit in map(_parts, headings) if not unit}
+            stated = {name: unit for name, unit in units.items() if name in bare}
+            given["model"] = {"data": _NAME, "outputs": list(outputs), "units": stated or None}
         elif callable(model) and not isinstance(model, PythonModel):
             given["model"] = self._bare_function(model, given, units_of)
             if isinstance(given.get("outputs"), Mapping):

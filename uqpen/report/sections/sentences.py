@@ -14,7 +14,7 @@ from uqpen.archive.read import group_names, read_group
 from uqpen.charts.chart import Block
 from uqpen.charts.marks import has_interval
 from uqpen.core.arrays import FloatArray
-from uqpen.core.catalogue import CATALOGUE, REQUESTED
+from uqpen.core.catalogue import CATALOGUE, MEAN, QUANTILE, REQUESTED, STD
 from uqpen.core.labels import CATEGORY, INTERVAL_LEVEL, RUNS, SURROGATES
 from uqpen.core.sampling import Sampling
 from uqpen.core.statistic import Statistic, UnitRule
@@ -212,14 +212,13 @@ def default_statistic(view: ArchiveView, output: str, design: str) -> QuotedStat
 
 def usual_statistics(view: ArchiveView, output: str) -> tuple[QuotedStatistic, QuotedStatistic]:
     """The median of an output, and its mean."""
-    median = QuotedStatistic(view, output, CATALOGUE["quantile"], 0.5)
+    median = QuotedStatistic(view, output, QUANTILE, 0.5)
     return median, moments(view, output)[0]
 
 
 def moments(view: ArchiveView, output: str) -> tuple[QuotedStatistic, QuotedStatistic]:
     """The mean of an output, and its standard deviation."""
-    mean, std = (QuotedStatistic(view, output, CATALOGUE[name]) for name in ("mean", "std"))
-    return mean, std
+    return QuotedStatistic(view, output, MEAN), QuotedStatistic(view, output, STD)
 
 
 def other_design_estimates(quantity: QuotedStatistic, leading: str) -> dict[str, xr.DataArray]:
@@ -415,7 +414,7 @@ def _sentence(quantity: QuotedStatistic, array: xr.DataArray, design: str) -> st
     if bool(values.size > 1 and np.ptp(values) <= 1e-12 * np.abs(values).max()):
         return f"{capitalized(name)} is {value} in every run."
     sentence = shown.sentence
-    if shown.entry == "probability" and quantity.entry == 0.5:
+    if quantity.statistic is QUANTILE and quantity.entry == 0.5:
         sentence = f"{sentence.rstrip('.')}: half of all cases lie below."
     # All in one pass, as the name of an output may have braces itself; so may words of an archive.
     words = {
