@@ -23,6 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
+from interval_coverage import first_answers
 from scipy import special, stats
 from seed_table import Case, Row, SeedTable, lines, per_cent, totals
 from skewed_coverage import DESIGNS as DESIGNS_OF_SKEWED
@@ -264,25 +265,16 @@ def _cells(
 def _estimates(sample: Sample, threshold: float) -> dict[str, xr.DataArray]:
     """The estimates of all statistics, each along ``bound``."""
     quantity = QuantityOfInterest(OUTPUT, "1", quantiles=QUANTILES)
-    found = _first(sample_moments(sample, quantity), "mean", "std", "half_spread")
-    quantiles = _first(quantile_estimates(sample, quantity), "quantile")["quantile"]
+    found = first_answers(sample_moments(sample, quantity), "mean", "std", "half_spread")
+    quantiles = first_answers(quantile_estimates(sample, quantity), "quantile")["quantile"]
     found |= {f"quantile {p}": each for p, each in zip(QUANTILES, quantiles, strict=True)}
-    found["spearman"] = _first(correlations(sample, quantity), "spearman")["spearman"][0]
-    found["first_order"] = _first(first_order(sample, quantity), "first_order")["first_order"][0]
+    found["spearman"] = first_answers(correlations(sample, quantity), "spearman")["spearman"][0]
+    found["first_order"] = first_answers(first_order(sample, quantity), "first_order")[
+        "first_order"
+    ][0]
     exceeding = replace(quantity, thresholds=(Threshold("", threshold),))
-    array = _first(exceedance_probabilities(sample, exceeding), "exceedance")["exceedance"]
+    array = first_answers(exceedance_probabilities(sample, exceeding), "exceedance")["exceedance"]
     return found | {"exceedance": array[0]}
-
-
-def _first(estimates: Iterator[tuple[str, xr.DataArray]], *wanted: str) -> dict[str, xr.DataArray]:
-    """The estimates that are wanted; those after the last of them are not computed."""
-    found: dict[str, xr.DataArray] = {}
-    for name, estimate in estimates:
-        if name in wanted:
-            found[name] = estimate
-        if len(found) == len(wanted):
-            break
-    return found
 
 
 def _cell(estimate: xr.DataArray, truth: float) -> Cell | None:

@@ -39,7 +39,6 @@ __all__ = [
     "RECORD",
     "Command",
     "FolderPolicy",
-    "RunRecord",
     "folder_name",
     "keep_folder",
     "last_line",
@@ -203,33 +202,18 @@ def remove_variable_parts(text: str, folders: Iterable[Path]) -> str:
 RECORD = "run.json"
 
 
-@dataclass(frozen=True)
-class RunRecord:
-    """Record of the runs of one program; `made_by` is all that decides what a run writes."""
+def _read_record(folder: Path, made_by: str) -> ProcessEnd | None:
+    """Return how a kept run ended; None if there is none, or another program made it.
 
-    made_by: str
-
-    def text(self, ending: ProcessEnd) -> str:
-        """Return the content of the file of a run that has ended."""
-        code = None if ending.is_late else ending.code
-        return json.dumps({"made_by": self._sha256, "exit_code": code}) + "\n"
-
-    def read(self, folder: Path) -> ProcessEnd | None:
-        """Return how a kept run ended; None if there is none, or this program did not make it.
-
-        A run that was ended for its time has written only a part, so it is not read again.
-        """
-        try:
-            found = json.loads((folder / RECORD).read_text(encoding="utf-8"))
-            is_own = found["made_by"] == self._sha256
-            code = found["exit_code"]
-        except (OSError, ValueError, KeyError, TypeError):
-            return None
-        return ProcessEnd(code) if is_own and type(code) is int else None
-
-    @property
-    def _sha256(self) -> str:
-        return hashlib.sha256(self.made_by.encode()).hexdigest()
+    A run that was ended for its time has written only a part, so it is not read again.
+    """
+    try:
+        found = json.loads((folder / RECORD).read_text(encoding="utf-8"))
+        is_own = found["made_by"] == made_by
+        code = found["exit_code"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    return ProcessEnd(code) if is_own and type(code) is int else None
 
 
 # Files in the folder of a run: its inputs, the default file for its outputs, and,
@@ -371,7 +355,7 @@ class Command(Model):
     def _run(self, program: Program, inputs: Mapping[str, float]) -> RunOutcome:
         """Make one run, or read its folder again; any failure becomes its status."""
         kept = self.folder_policy.folder / folder_name(inputs)
-        if self.reads_again and (ended := self._record(program).read(kept)) is not None:
+        if self.reads_again and (ended := _read_record(kept, self._made_by(program))):
             outcome = self._outcome(ended, kept, program)
             with contextlib.suppress(OSError):
                 note = _outcome_note(outcome, self._command(program, inputs))
@@ -393,9 +377,11 @@ class Command(Model):
                     outcome = self._outcome(ending, folder, program)
                 which = self.folder_policy.which
                 if which == "all" or (which == "failed" and outcome.status != Status.OK):
+                    code = None if ending.is_late else ending.code
+                    record = {"made_by": self._made_by(program), "exit_code": code}
                     notes = {
                         OUTCOME: _outcome_note(outcome, words),
-                        RECORD: self._record(program).text(ending),
+                        RECORD: json.dumps(record) + "\n",
                     }
                     keep_folder(folder, kept, notes)
                 return outcome
@@ -407,10 +393,11 @@ class Command(Model):
             reason = f"cannot be started: {error.strerror or type(error).__name__}"
             return RunOutcome.failed(reason)
 
-    def _record(self, program: Program) -> RunRecord:
-        """Return the record of its runs, with all that decides what a run at some inputs writes."""
+    def _made_by(self, program: Program) -> str:
+        """Return a hash of all that decides what a run at some inputs writes."""
         decisive = [program.identity(), self.words, self.templates, self.copied]
-        return RunRecord(json.dumps([*decisive, asdict(self.delimiters)], sort_keys=True))
+        text = json.dumps([*decisive, asdict(self.delimiters)], sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()
 
     def _command(self, program: Program, inputs: Mapping[str, float]) -> list[str]:
         """Return the executed command, with full paths of files beside the study."""
