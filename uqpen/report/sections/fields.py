@@ -28,13 +28,13 @@ from uqpen.core.arrays import FloatArray
 from uqpen.core.catalogue import CATALOGUE, MEAN, QUANTILE, STD
 from uqpen.core.labels import NOTE
 from uqpen.report.blocks import Fold, Heading
-from uqpen.report.sections.sentences import QuotedStatistic, no_break, output_name
-from uqpen.results.archive_view import ArchiveView, output_heading, output_title
+from uqpen.report.sections.sentences import QuotedStatistic, headed_blocks, no_break, output_name
+from uqpen.results.archive_view import ArchiveView, output_title
 from uqpen.results.digits import estimate_text, number_text
 from uqpen.results.field_tables import CurveEstimates
 from uqpen.results.source_statistics import THRESHOLD_PROBABILITIES
 from uqpen.results.table import entry_label, quantile_label
-from uqpen.results.texts import plain_text, unit_suffix
+from uqpen.results.texts import unit_suffix
 
 __all__ = ["curves", "field_sentences", "first_curves", "further_curves"]
 
@@ -58,19 +58,7 @@ def curves(view: ArchiveView) -> Iterator[Block]:
         for field in view.fields
         if (blocks := tuple(_field_blocks(view, field, design)))
     }
-    names = list(found)
-    for field in names[:_MOST]:
-        yield from (Heading(output_heading(view, field)), *found[field])
-    if others := names[_MOST:]:
-        titles = ", ".join(output_title(view, field) for field in others)
-        yield Fold(
-            f"Other curves: {plain_text(titles, 120)}",
-            tuple(
-                block
-                for field in others
-                for block in (Heading(output_heading(view, field)), *found[field])
-            ),
-        )
+    yield from headed_blocks(view, found, list(found)[:_MOST], "Other curves")
 
 
 def _field_blocks(view: ArchiveView, field: str, design: str) -> Iterator[Block]:

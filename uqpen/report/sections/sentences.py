@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -46,6 +47,7 @@ __all__ = [
     "QuotedStatistic",
     "decision_findings",
     "default_statistic",
+    "headed_blocks",
     "joint_findings",
     "main_outputs",
     "moments",
@@ -283,20 +285,19 @@ def output_blocks(
     """
     filled = {output: found for output, each in blocks.items() if (found := tuple(each))}
     main = [output for output in main_outputs(view) if output in filled][:most]
-    for output in main:
-        yield from (Heading(output_heading(view, output)), *filled[output])
-    others = {output: found for output, found in filled.items() if output not in main}
-    if not others:
-        return
-    titles = ", ".join(output_title(view, output) for output in others)
-    yield Fold(
-        f"Other outputs: {plain_text(titles, 120)}",
-        tuple(
-            block
-            for output, found in others.items()
-            for block in (Heading(output_heading(view, output)), *found)
-        ),
-    )
+    yield from headed_blocks(view, filled, main, "Other outputs")
+
+
+def headed_blocks(
+    view: ArchiveView, blocks: Mapping[str, tuple[Block, ...]], shown: Iterable[str], rest: str
+) -> Iterator[Block]:
+    """Yield blocks below the headings of their outputs; all but those of `shown` are folded."""
+    headed = {each: (Heading(output_heading(view, each)), *found) for each, found in blocks.items()}
+    for output in shown:
+        yield from headed.pop(output)
+    if headed:
+        titles = ", ".join(output_title(view, output) for output in headed)
+        yield Fold(f"{rest}: {plain_text(titles, 120)}", tuple(chain(*headed.values())))
 
 
 # Sentences and verdicts.
