@@ -5,7 +5,6 @@ import sys
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
 from uqpen.core.model import Output
@@ -21,8 +20,6 @@ from uqpen.statistics.sensitivity.correlations import correlations
 from uqpen.statistics.sensitivity.given_data import first_order
 from uqpen.statistics.sensitivity.local_regression import RegressionBins, ResidualVariance
 from uqpen.statistics.sensitivity.sorted_bins import CompiledVariance, SortedBins
-
-FloatArray = npt.NDArray[np.float64]
 
 QUANTITY = QuantityOfInterest(Output("y", "m"), "m", (Threshold("1 m", 1.0),))
 
