@@ -6,7 +6,6 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from SALib.analyze import sobol
 from scipy import stats
@@ -27,8 +26,6 @@ from uqpen.results.source_statistics import SourceStatistics
 from uqpen.statistics.analyze import analyze
 from uqpen.statistics.intervals import ratio_error, ratio_jackknife_error
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
-
-FloatArray = npt.NDArray[np.float64]
 
 STUDIES = Path(__file__).parents[2] / "studies"
 UNIT = Uniform(0.0, 1.0)

@@ -43,15 +43,10 @@ __all__ = [
     "block_anchors",
     "colour_name",
     "find_sections",
-    "page_facts",
     "page_heading",
-    "page_library",
     "page_reference",
-    "page_script",
-    "page_style",
     "render_page",
     "report_page",
-    "script_hash",
     "write_page",
     "write_report",
 ]
@@ -67,11 +62,6 @@ def page_heading(tree: xr.DataTree) -> str:
     """The title of an archive's page."""
     title = _cut_text(str(tree.attrs.get("title", "")).strip()) or "A study without a title"
     return f"{title}: benchmark of methods" if is_benchmark(tree) else title
-
-
-def page_facts(tree: xr.DataTree) -> list[str]:
-    """Study, model, number of runs, and version of uqpen."""
-    return [_cut_text(text) for text in _all_facts(tree) if text.strip()]
 
 
 def _all_facts(tree: xr.DataTree) -> Iterator[str]:
@@ -211,28 +201,6 @@ _SCRIPTS = (
     "images.js",
     "page.js",
 )
-
-
-def page_style() -> str:
-    """The style sheet."""
-    return "".join((_ASSETS / name).read_text("utf-8") for name in _STYLES)
-
-
-def page_script() -> str:
-    """The page's own script, made of its parts."""
-    parts = "\n".join((_ASSETS / name).read_text("utf-8") for name in _SCRIPTS)
-    return f'"use strict";\n(() => {{\n{parts}}})();\n'
-
-
-def page_library() -> str:
-    """The library that draws charts."""
-    return _LIBRARY.read_text("utf-8")
-
-
-def script_hash(text: str) -> str:
-    """Return the hash of a script, for the page's policy."""
-    digest = hashlib.sha256(text.encode("utf-8")).digest()
-    return f"sha256-{base64.b64encode(digest).decode('ascii')}"
 
 
 # Legend symbols of marks, as Plotly draws them.
@@ -438,7 +406,8 @@ class PageHead(NamedTuple):
     def of_archive(cls, tree: xr.DataTree) -> PageHead:
         """Return the head of an archive's page."""
         study = str(tree.attrs.get("study_name", ""))
-        return cls(page_heading(tree), list(page_facts(tree)), study, page_reference(tree))
+        facts = [_cut_text(text) for text in _all_facts(tree) if text.strip()]
+        return cls(page_heading(tree), facts, study, page_reference(tree))
 
 
 def render_page(
@@ -459,7 +428,11 @@ def render_page(
         id(each): number for blocks in (charts, explorers) for number, each in enumerate(blocks)
     }
     anchors = block_anchors((filled.name, filled.blocks) for filled in sections)
-    library, script = page_library(), page_script()
+    style = "".join((_ASSETS / name).read_text("utf-8") for name in _STYLES)
+    parts = "\n".join((_ASSETS / name).read_text("utf-8") for name in _SCRIPTS)
+    script = f'"use strict";\n(() => {{\n{parts}}})();\n'
+    library = _LIBRARY.read_text("utf-8")
+    digests = (hashlib.sha256(text.encode("utf-8")).digest() for text in (library, script))
     return (
         _environment()
         .get_template("page.html")
@@ -474,10 +447,11 @@ def render_page(
             study=head.study,
             reference=head.reference,
             data=charts_json(charts, explorers),
-            style=page_style(),
+            style=style,
             library=library,
             script=script,
-            hashes=[script_hash(text) for text in (library, script)],
+            # For the page's policy.
+            hashes=[f"sha256-{base64.b64encode(each).decode('ascii')}" for each in digests],
         )
     )
 
