@@ -482,9 +482,9 @@ _INDICES = [
         Measure("first order", "shares", 1, share="alone", reason="the largest first order"),
         {
             "sample": f"{_SENSITIVITY}.given_data:first_order",
-            "field": f"{_FIELDS}.sensitivity:first_order_at_places",
+            "field": f"{_SENSITIVITY}.given_data:first_order_at_places",
             Sampling.PICK_FREEZE: f"{_SENSITIVITY}.sobol_indices:sobol_indices",
-            of_field(Sampling.PICK_FREEZE): f"{_FIELDS}.sensitivity:sobol_indices_at_places",
+            of_field(Sampling.PICK_FREEZE): f"{_SENSITIVITY}.sobol_indices:sobol_indices_at_places",
         },
     ),
     _of_inputs(
@@ -578,7 +578,7 @@ _STATISTICS = [
         Measure("mean effect", "effects", 21, ""),
         {
             Sampling.TRAJECTORIES: f"{_SENSITIVITY}.single_steps:elementary_effects",
-            of_field(Sampling.TRAJECTORIES): f"{_FIELDS}.sensitivity:effects_at_places",
+            of_field(Sampling.TRAJECTORIES): f"{_SENSITIVITY}.single_steps:effects_at_places",
         },
         UnitRule.DIFFERENCE,
     ),
@@ -614,7 +614,7 @@ _STATISTICS = [
         ),
         {
             Sampling.ONE_AT_A_TIME: f"{_SENSITIVITY}.single_steps:relative_responses",
-            of_field(Sampling.ONE_AT_A_TIME): f"{_FIELDS}.sensitivity:responses_at_places",
+            of_field(Sampling.ONE_AT_A_TIME): f"{_SENSITIVITY}.single_steps:responses_at_places",
         },
     ),
     _of_inputs(
