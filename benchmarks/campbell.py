@@ -23,8 +23,6 @@ from uqpen.distributions.univariate import Uniform
 from uqpen.execution import Evaluator, evaluate, join_rounds
 from uqpen.models.known_functions import Campbell
 
-__all__ = ["CURVE", "JOINT", "Exact", "exact", "runs_of"]
-
 FloatArray = npt.NDArray[np.float64]
 
 LOWER, UPPER = -1.0, 5.0

@@ -26,6 +26,7 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from gaussian_process import CASES, ishigami
 from scipy import special
 from scipy.stats import qmc
 from seed_table import FEWEST, LOWEST, Case, Row, SeedTable, lines, per_cent, totals
@@ -97,17 +98,12 @@ class Function(NamedTuple):
 
 
 def _ishigami(u: FloatArray) -> FloatArray:
-    x1, x2, x3 = (2 * u[:, :3] - 1).T * math.pi
-    return np.asarray(np.sin(x1) + 7 * np.sin(x2) ** 2 + 0.1 * x3**4 * np.sin(x1))
+    return ishigami(math.pi * (2 * u[:, :3] - 1))
 
 
 def _borehole(u: FloatArray) -> FloatArray:
-    low = np.array([0.05, 100, 63070, 990, 63.1, 700, 1120, 9855])
-    high = np.array([0.15, 50000, 115600, 1110, 116, 820, 1680, 12045])
-    rw, r, tu, hu, tl, hl, length, kw = (low + u * (high - low)).T
-    log = np.log(r / rw)
-    below = log * (1 + 2 * length * tu / (log * rw**2 * kw) + tu / tl)
-    return np.asarray(2 * math.pi * tu * (hu - hl) / below)
+    function, lower, upper, _ = CASES["borehole"]
+    return function(np.array(lower) + u * np.subtract(upper, lower))
 
 
 def _additive(u: FloatArray) -> FloatArray:

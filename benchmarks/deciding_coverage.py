@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
+from gaussian_process import ishigami
 from interval_coverage import STUDIES
 from seed_table import fill, lines
 
@@ -111,12 +112,6 @@ def _concrete() -> FloatArray:
     return depth[np.isfinite(depth)]
 
 
-def _ishigami(unit: FloatArray) -> FloatArray:
-    x1, x2, x3 = np.pi * (2 * unit - 1)
-    y: FloatArray = np.sin(x1) + 7 * np.sin(x2) ** 2 + 0.1 * x3**4 * np.sin(x1)
-    return y
-
-
 def _step(unit: FloatArray) -> FloatArray:
     x1, x2, x3 = unit
     y: FloatArray = 3.0 * (x1 + x2 > 1.4) + np.square(x3)
@@ -124,7 +119,10 @@ def _step(unit: FloatArray) -> FloatArray:
 
 
 # Of three inputs between 0 and 1, in the rows of an array.
-FUNCTIONS: dict[str, Callable[[FloatArray], FloatArray]] = {"Ishigami": _ishigami, "step": _step}
+FUNCTIONS: dict[str, Callable[[FloatArray], FloatArray]] = {
+    "Ishigami": lambda unit: ishigami(np.pi * (2 * unit.T - 1)).T,
+    "step": _step,
+}
 
 
 def _pool(name: str) -> FloatArray:
@@ -243,14 +241,7 @@ def _precision_table(seeds: int, pool: Pool) -> Iterator[str]:
 def precision_cells(key: str, kind: int, bounds: FloatArray, truth: float) -> list[str]:
     """Return the coverage in per cent after the first look, at the worst and the middle target.
 
-    Parameters
-    ----------
-    key, kind
-        Of the statistic, and its position in `KINDS`.
-    bounds : ndarray, shape (seed, look, kind, 3)
-        Estimates and the ends of their intervals.
-    truth : float
-        The true value.
+    The estimates and the ends of their intervals have the shape (seed, look, kind, 3).
     """
     covers, known = _covering(kind, bounds, truth)
     fixed = covers[:, 0][known[:, 0]]

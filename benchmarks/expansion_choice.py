@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
+from gaussian_process import borehole, ishigami
 
 from uqpen.core.arrays import Arrays, FloatArray
 from uqpen.core.model import Input, Model, Output, Results
@@ -63,23 +64,9 @@ class Problem(Model):
         return Results.all_ok({"y": self.function(**inputs)})
 
 
-def ishigami(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
-    return np.sin(a) + 7 * np.sin(b) ** 2 + 0.1 * c**4 * np.sin(a)
-
-
-def borehole(
-    rw: FloatArray,
-    r: FloatArray,
-    tu: FloatArray,
-    hu: FloatArray,
-    tl: FloatArray,
-    hl: FloatArray,
-    length: FloatArray,
-    kw: FloatArray,
-) -> FloatArray:
-    logarithm = np.log(r / rw)
-    resistance = 1 + 2 * length * tu / (logarithm * rw**2 * kw) + tu / tl
-    return 2 * np.pi * tu * (hu - hl) / (logarithm * resistance)
+def of_columns(function: Callable[[FloatArray], FloatArray]) -> Callable[..., FloatArray]:
+    """Return a function of columns by name, from one of an array (run, input)."""
+    return lambda **columns: function(np.column_stack(list(columns.values())))
 
 
 def oscillator(
@@ -130,8 +117,8 @@ HUNDRED: dict[str, Distribution] = {
 }
 ISHIGAMI: dict[str, Distribution] = dict.fromkeys("abc", Uniform(-math.pi, math.pi))
 PROBLEMS: dict[str, tuple[Problem, tuple[int, ...]]] = {
-    "ishigami": (Problem(ishigami, ISHIGAMI), (50, 150)),
-    "borehole": (Problem(borehole, BOREHOLE), (100, 250)),
+    "ishigami": (Problem(of_columns(ishigami), ISHIGAMI), (50, 150)),
+    "borehole": (Problem(of_columns(borehole), BOREHOLE), (100, 250)),
     "oscillator": (Problem(oscillator, OSCILLATOR), (60, 120)),
     "hundred": (Problem(hundred, HUNDRED), (500,)),
     "rough": (Problem(rough, dict.fromkeys("ab", Uniform(0.0, 1.0))), (100,)),

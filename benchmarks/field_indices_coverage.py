@@ -1,22 +1,24 @@
 """How often the intervals of Sobol' indices cover along Campbell's curve, and of it as a whole.
 
-Run it as ``python benchmarks/field_indices_coverage.py --markdown docs/coverage.md``, with uqpen
-installed. The curve has nineteen angles, ten degrees apart. Five hundred seeds tell a coverage of
-95 % to one point. A cell fails if an input's index of the whole curve covers in less than 92 %.
+A table of docs/coverage.md as `seed_table.py` makes it. The curve has nineteen angles, ten degrees
+apart. Five hundred seeds tell a coverage of 95 % to one point. A cell fails if an input's index of
+the whole curve covers in less than 92 %.
 """
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Iterator, Mapping
+import sys
+from argparse import Namespace
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from pathlib import Path
+from functools import cache
 
 import campbell
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
-from seed_table import fill
+from seed_table import LOWEST, Case, Row, SeedTable, lines, totals
 
 from uqpen.core.labels import INTERVAL_LABEL
 from uqpen.core.model import Dimension
@@ -29,7 +31,7 @@ from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 
 FloatArray = npt.NDArray[np.float64]
 
-LOWEST = 0.92
+NAMES = ("x1", "x2", "x3", "x4")
 EVERY = 10
 (ANGLES,) = campbell.CURVE.dims
 CURVE = replace(
@@ -43,64 +45,77 @@ DESIGNS: dict[str, Design] = {
 }
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--seeds", type=int, default=500)
-    parser.add_argument("--markdown", type=Path, metavar="FILE.md", help="the page of the docs")
-    options = parser.parse_args()
-    truths = dict(_truths())
-    lines, worst = [], 1.0
-    for name, design in DESIGNS.items():
-        for statistic, (covered, label) in _coverage(design, truths, options.seeds).items():
-            is_whole = covered.ndim == 1
-            worst = min(worst, float(covered.min())) if is_whole else worst
-            inputs = [
-                f"{100 * each.min():.1f} … {100 * each.max():.1f}"
-                if each.ndim
-                else f"{100 * each:.1f}"
-                for each in np.moveaxis(covered, -1, 0)
-            ]
-            title = statistic.replace("_", " ") + ("" if is_whole else ", at the angles")
-            lines.append(f"| {name} | {title} | {' | '.join(inputs)} | {label} |")
-            print(lines[-1], flush=True)
-    head = "| design | index | x1 | x2 | x3 | x4 | label |\n|---|---|---|---|---|---|---|"
-    if options.markdown:
-        text = "\n".join([head, *lines, "", f"Seeds: {options.seeds}."])
-        fill(options.markdown, "indices of fields", text)
-    return 1 if worst < LOWEST else 0
-
-
-def _truths() -> Iterator[tuple[str, FloatArray]]:
+@cache
+def _truths() -> dict[str, FloatArray]:
     """The indices at the angles, and those of the curve through them."""
     exact, weights = campbell.exact(), CURVE.dims[0].weights
     variance = weights * exact.std[::EVERY] ** 2
+    found = {}
     for order in ("first_order", "total_order"):
-        at_angles = getattr(exact, order)[::EVERY]
-        yield order, at_angles
-        yield f"generalized_{order}", variance @ at_angles / variance.sum()
+        found[order] = getattr(exact, order)[::EVERY]
+        found[f"generalized_{order}"] = variance @ found[order] / variance.sum()
+    return found
 
 
-def _coverage(
-    design: Design, truths: Mapping[str, FloatArray], seeds: int
-) -> dict[str, tuple[FloatArray, str]]:
-    """The share of the intervals that contain the truth, by statistic, and the intervals' label."""
-    found: dict[str, list[npt.NDArray[np.bool_]]] = {}
-    labels: dict[str, set[str]] = {}
-    for seed in range(seeds):
-        runs = campbell.runs_of(design, seed)
+def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
+    """Yield how many intervals cover, by statistic, place and input; the place of a curve is 0."""
+    quantity = QuantityOfInterest(CURVE, "1")
+    found: defaultdict[tuple[str, str], list[FloatArray]] = defaultdict(list)
+    for seed in seeds:
+        runs = campbell.runs_of(DESIGNS[str(case[0])], seed)
         values = xr.Variable(("run", ANGLES.name), runs[CURVE.name].values[:, ::EVERY])
         runs = runs.drop_vars(CURVE.name).drop_dims(ANGLES.name, errors="ignore")
-        quantity = QuantityOfInterest(CURVE, "1")
         arrays = analyze(runs.assign({CURVE.name: values}), [quantity], only=["sensitivity"])
         for name, array in arrays[CURVE.name].items():
-            lower, upper = array.values[..., 1], array.values[..., 2]
-            found.setdefault(name, []).append((lower <= truths[name]) & (truths[name] <= upper))
-            labels.setdefault(name, set()).update(np.ravel(array[INTERVAL_LABEL].values))
-    return {
-        name: (np.mean(covered, axis=0), ", ".join(sorted(labels[name])))
-        for name, covered in found.items()
-    }
+            _, lower, upper = np.moveaxis(array.values, -1, 0)
+            truth, label = _truths()[name], ", ".join(np.unique(array[INTERVAL_LABEL].values))
+            found[name, label].append(np.atleast_2d((lower <= truth) & (truth <= upper)))
+    for (name, label), covers in found.items():
+        for place, inputs in enumerate(np.sum(covers, axis=0)):
+            row = {"statistic": name, "label": label, "place": place}
+            yield row | dict(zip(NAMES, inputs, strict=True))
 
+
+def _shares(rows: Sequence[Row]) -> Iterator[tuple[tuple[str, str, str], FloatArray]]:
+    """Yield the share of intervals that cover, shape (place, input), by design and statistic."""
+    cells = totals(rows, ("design", "statistic", "label", "place"), ("count", *NAMES))
+    for key in dict.fromkeys(key[:3] for key in cells):
+        own = [cell for each, cell in cells.items() if each[:3] == key]
+        yield key, np.array([[getattr(c, name) / c.count for name in NAMES] for c in own])
+
+
+def _page(rows: Sequence[Row]) -> Iterator[str]:
+    of = []
+    for (design, statistic, label), shares in _shares(rows):
+        ends = 100 * shares.min(axis=0), 100 * shares.max(axis=0)
+        is_whole = len(shares) == 1
+        inputs = [
+            f"{low:.1f}" if is_whole else f"{low:.1f} … {high:.1f}"
+            for low, high in zip(*ends, strict=True)
+        ]
+        title = statistic.replace("_", " ") + ("" if is_whole else ", at the angles")
+        of.append([design, title, *inputs, label])
+    yield from lines(["design", "index", *NAMES, "label"], of)
+    yield ""
+    seeds = totals(rows, ("design", "statistic", "label", "place"), ("count",)).values()
+    yield f"Seeds: {max(cell.count for cell in seeds)}."
+
+
+def _failing(rows: Sequence[Row]) -> Iterator[str]:
+    for key, shares in _shares(rows):
+        if len(shares) == 1 and shares.min() < LOWEST:
+            yield f"{', '.join(key)}: {100 * shares.min():.1f}"
+
+
+TABLE = SeedTable(
+    ("design",),
+    lambda: ((each,) for each in DESIGNS),
+    _rows,
+    {"indices of fields": _page},
+    _failing,
+    seeds=500,
+    at_once=10,
+)
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    sys.exit(TABLE.main(__doc__))

@@ -63,7 +63,7 @@ def wing_weight(x: FloatArray) -> FloatArray:
 
 
 def ishigami(x: FloatArray) -> FloatArray:
-    return np.sin(x[:, 0]) * (1 + 0.1 * x[:, 2] ** 4) + 7 * np.sin(x[:, 1]) ** 2
+    return np.sin(x[..., 0]) * (1 + 0.1 * x[..., 2] ** 4) + 7 * np.sin(x[..., 1]) ** 2
 
 
 def step(x: FloatArray) -> FloatArray:

@@ -15,7 +15,7 @@ import math
 import sys
 from argparse import ArgumentParser, Namespace
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from pathlib import Path
@@ -37,7 +37,6 @@ from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design
-from uqpen.designs.drawn_points import Points
 from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.quasi_monte_carlo import SobolSequence
@@ -96,48 +95,22 @@ def _nearest(points: float, *, replicates: int) -> int:
 
 @dataclass(frozen=True)
 class Truth:
-    """What the statistics of an output should be.
-
-    Parameters
-    ----------
-    mean, std : float
-        Moments.
-    cdf, quantile : callable
-        The distribution function and its inverse, over arrays.
-    shares : mapping of str to float
-        Probability of each kind, of an output that has kinds beside the one looked at.
-    indices : mapping of str to sequence of float
-        Sobol' indices of every input, by what the names of their variables end in.
-    exceedance_indices : mapping of float to mapping
-        The same of exceeding a value.
-    """
+    """What the statistics of an output should be."""
 
     mean: float
     std: float
     cdf: Callable[[Any], FloatArray]
     quantile: Callable[[Any], FloatArray]
+    # Probability of each kind, of an output that has kinds beside the one looked at.
     shares: Mapping[str, float] = field(default_factory=dict)
+    # Sobol' indices of every input, of the output and of exceeding a value.
     indices: Mapping[str, Sequence[float]] = field(default_factory=dict)
     exceedance_indices: Mapping[float, Mapping[str, Sequence[float]]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Problem:
-    """A model under a law, with the output whose statistics are known.
-
-    Parameters
-    ----------
-    evaluator : Evaluator
-        The model with its constraints.
-    law : JointDistribution
-        Its inputs.
-    output : Output
-        The one looked at.
-    truth : Truth
-        Of that output.
-    exceeds : tuple of float
-        Thresholds.
-    """
+    """A model with its constraints, its inputs, and the output whose statistics are known."""
 
     evaluator: Evaluator
     law: JointDistribution
@@ -147,11 +120,9 @@ class Problem:
 
 
 class Cell(NamedTuple):
-    """One interval of one seed; NaN in place of what there is not."""
+    """One interval of one seed."""
 
-    covers: float
-    error: float
-    half_width: float
+    covers: bool
     label: str
     warns: bool
 
@@ -171,43 +142,31 @@ def _rows(case: Case, seeds: Sequence[int], options: Namespace) -> Iterator[Row]
     design = DESIGNS[str(case[1])](runs, len(problem.law.random))
     counts: dict[str, Counter[str]] = {}
     for seed in seeds:
-        found = cells_of(problem, made_runs(problem, design, seed), options.statistics)
-        for statistic, cell in found.items():
-            count = counts.setdefault(statistic, Counter())
-            if cell.warns:
-                count["warned"] += 1
-                count["warned_covers"] += bool(cell.covers)
-            elif cell.label != "none":
-                count["given"] += 1
-                count["covers"] += bool(cell.covers)
-                count[cell.label] += 1
+        made = _runs(problem, design, seed)
+        drawn = input_sample(made)
+        for name in options.statistics:
+            # Indices need whole blocks; all else is of those points that are drawn from the law.
+            of = made if name == "sensitivity" else drawn
+            for statistic, cell in STATISTICS[name](problem, of):
+                count = counts.setdefault(statistic, Counter())
+                if cell.warns:
+                    count["warned"] += 1
+                    count["warned_covers"] += bool(cell.covers)
+                elif cell.label != "none":
+                    count["given"] += 1
+                    count["covers"] += bool(cell.covers)
+                    count[cell.label] += 1
     for statistic, count in counts.items():
         yield {"statistic": statistic} | {name: count[name] for name in SUMS}
 
 
-def cells_of(problem: Problem, runs: xr.Dataset, statistics: Collection[str]) -> dict[str, Cell]:
-    """Every interval of some runs, held against the truth."""
-    drawn = input_sample(runs)
-    found: dict[str, Cell] = {}
-    for statistic in statistics:
-        # Indices need whole blocks; all else is of those points that are drawn from the law.
-        found |= STATISTICS[statistic](problem, runs if statistic == "sensitivity" else drawn)
-    return found
-
-
-def made_runs(
-    problem: Problem,
-    design: Design,
-    seed: int,
-    make: Callable[[Points], xr.Dataset] | None = None,
-) -> xr.Dataset:
-    """All runs of a design, round by round; `make` may take some from elsewhere."""
-    make = make or (lambda points: evaluate(problem.evaluator, points, {}))
+def _runs(problem: Problem, design: Design, seed: int) -> xr.Dataset:
+    """All runs of a design, round by round."""
     rounds = run_rounds(
         design,
         problem.law,
         Stream(seed, "designs", "coverage"),
-        lambda points, _: {"": make(points)},
+        lambda points, _: {"": evaluate(problem.evaluator, points, {})},
     )
     runs = join_rounds([each[""] for each in rounds])
     return runs.assign_attrs({SAMPLING: str(design.sampling)})
@@ -253,10 +212,8 @@ def _cdf(problem: Problem, runs: xr.Dataset) -> Iterator[tuple[str, Cell]]:
     _, lower, upper = band.values.T
     exact = problem.truth.cdf(values)
     inside = bool(((lower <= exact) & (exact <= upper)).all())
-    error = float(np.abs(band.values[:, 0] - exact).max())
-    half = float((upper - lower).max() / 2)
     label = interval_text(band[0], INTERVAL_LABEL)
-    yield "cdf band", Cell(inside, error, half, label, warns=False)
+    yield "cdf band", Cell(inside, label, warns=False)
 
 
 def _shares(problem: Problem, runs: xr.Dataset) -> Iterator[tuple[str, Cell]]:
@@ -282,26 +239,23 @@ def _indices(problem: Problem, runs: xr.Dataset) -> Iterator[tuple[str, Cell]]:
     wanted = set(known)
     if exceeds:
         wanted.add(f"exceedance_{'total_order' if has_blocks else 'first_order'}")
-    answers = _until(wanted, answering)
+    answers = first_answers(answering, *wanted)
     for kind in known:
-        own = _Own(answers[kind])
         for position, value in enumerate(truth.indices[kind]):
-            yield f"{kind} of x{position + 1} = {value:.3g}", own.cell((position,), value)
+            cell = _entry(answers[kind], (position,), value)
+            yield f"{kind} of x{position + 1} = {value:.3g}", cell
     for number, (threshold, indices) in enumerate(truth.exceedance_indices.items()):
         for kind, exact in indices.items():
             if has_blocks or kind == "first_order":
-                own = _Own(answers[f"exceedance_{kind}"])
                 for position, value in enumerate(exact):
-                    yield (
-                        f"exceedance {kind} of x{position + 1} > {threshold} = {value:.3g}",
-                        own.cell((number, position), value),
-                    )
+                    title = f"exceedance {kind} of x{position + 1} > {threshold} = {value:.3g}"
+                    yield title, _entry(answers[f"exceedance_{kind}"], (number, position), value)
 
 
-def _until(
-    wanted: Collection[str], answering: Iterator[tuple[str, xr.DataArray]]
+def first_answers(
+    answering: Iterator[tuple[str, xr.DataArray]], *wanted: str
 ) -> dict[str, xr.DataArray]:
-    """Answers until all that are wanted are there; the rest need not be computed."""
+    """Answers until all that are wanted are there; the rest are not computed."""
     found: dict[str, xr.DataArray] = {}
     for name, answer in answering:
         found[name] = answer
@@ -331,20 +285,13 @@ def _answers(
     }
 
 
-class _Own:
-    """Several estimates in one array, each with what is said of its own interval.
+def _entry(array: xr.DataArray, place: tuple[int, ...], truth: float) -> Cell:
+    """One of several estimates in an array, held against the truth.
 
-    Taking them from the array one by one would take longer than most statistics do.
+    To take the entry from the array first would take longer than most statistics do.
     """
-
-    def __init__(self, array: xr.DataArray) -> None:
-        self._bounds = array.values
-        self._labels = array.coords[INTERVAL_LABEL].values
-        self._notes = array.coords[NOTE].values
-
-    def cell(self, place: tuple[int, ...], truth: float) -> Cell:
-        """One of them, held against the truth."""
-        return _held(self._bounds[place], self._labels[place], self._notes[place], truth)
+    label, note = (array.coords[name].values[place] for name in (INTERVAL_LABEL, NOTE))
+    return _held(array.values[place], label, note, truth)
 
 
 def _cell(answer: xr.DataArray, truth: float, *, one_sided: bool = False) -> Cell:
@@ -358,14 +305,12 @@ def _held(
     """An interval held against the truth."""
     assert len(BOUNDS) == len(bounds)
     estimate, lower, upper = bounds.tolist()
-    error = estimate - truth
     if math.isnan(upper) or (math.isnan(lower) and not one_sided):
-        return Cell(math.nan, error, math.nan, "none", warns=False)
+        return Cell(False, "none", warns=False)
     covers = truth <= upper and (one_sided or lower <= truth)
-    half = upper - estimate if one_sided else (upper - lower) / 2
     # Rounding alone decides whether an interval of an output that does not vary covers.
-    covers = covers or abs(error) <= 1e-12 * abs(truth)
-    return Cell(covers, error, half, label, warns=bool(note))
+    covers = covers or abs(estimate - truth) <= 1e-12 * abs(truth)
+    return Cell(covers, label, warns=bool(note))
 
 
 def _cells(rows: Sequence[Row]) -> list[SimpleNamespace]:

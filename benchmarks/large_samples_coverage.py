@@ -1,22 +1,24 @@
 """Coverage and width of first-order indices from many runs, whose bins grow with these.
 
-    python benchmarks/large_samples_coverage.py --seeds 400
-
-Independent draws of functions whose indices are known. For each function and number of runs it
-prints the coverage of each input's interval in per cent, the standard deviation of the estimates
-over the seeds, and the mean half-width, each beside that with bins of 16 runs.
+A table of docs/coverage.md as `seed_table.py` makes it: independent draws of functions whose
+indices are known. Beside each figure stands that with bins of 16 runs.
 """
 
 from __future__ import annotations
 
-import argparse
 import math
-from collections.abc import Callable, Iterator
+import sys
+from argparse import Namespace
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from itertools import product
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from gaussian_process import ishigami
+from seed_table import Case, Row, SeedTable, lines, per_cent, totals
 
 from uqpen.core.model import Input, Output
 from uqpen.core.sampling import Sampling
@@ -35,12 +37,6 @@ FloatArray = npt.NDArray[np.float64]
 
 NAMES = ("x1", "x2", "x3")
 QUANTITY = QuantityOfInterest(Output("y", "1"), "1")
-
-
-def ishigami(x: FloatArray) -> FloatArray:
-    angle = math.pi * (2 * x - 1)
-    y: FloatArray = np.sin(angle[:, 0]) * (1 + 0.1 * angle[:, 2] ** 4)
-    return y + 7 * np.sin(angle[:, 1]) ** 2
 
 
 def jump(x: FloatArray) -> FloatArray:
@@ -62,7 +58,10 @@ _MEAN = 2 * (math.sqrt(1.01) - math.sqrt(0.01))
 _SQUARE = math.log(1.01 / 0.01)
 _SPIKE = _SQUARE * (1 + 1 / 12) - _MEAN**2
 PROBLEMS: dict[str, tuple[Callable[[FloatArray], FloatArray], tuple[float, ...]]] = {
-    "ishigami": (ishigami, (0.31390519114781146, 0.4424111447900409, 0.0)),
+    "ishigami": (
+        lambda x: ishigami(math.pi * (2 * x - 1)),
+        (0.31390519114781146, 0.4424111447900409, 0.0),
+    ),
     "jump": (jump, (_JUMP / (_JUMP + 1 / 12), 1 / 12 / (_JUMP + 1 / 12), 0.0)),
     "waves": (waves, (0.5 / (0.5 + 1 / 12), 1 / 12 / (0.5 + 1 / 12), 0.0)),
     "spike": (spike, ((_SQUARE - _MEAN**2) / _SPIKE, _MEAN**2 / 12 / _SPIKE, 0.0)),
@@ -100,41 +99,45 @@ def estimates(sample: Sample, function: Callable[[FloatArray], FloatArray]) -> F
     return np.asarray(found)
 
 
-def measured(function: Callable[[FloatArray], FloatArray], samples: Iterator[Sample]) -> FloatArray:
-    """Estimates with bounds, shape (way, seed, input, bound), first with bins that grow."""
-    both: tuple[list[FloatArray], list[FloatArray]] = ([], [])
-    for sample in samples:
-        both[0].append(estimates(sample, function))
+def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
+    """Yield how many intervals of an input cover, and their half-widths added up."""
+    function, exact = PROBLEMS[str(case[1])]
+    found: tuple[list[FloatArray], list[FloatArray]] = ([], [])
+    for seed in seeds:
+        sample = drawn(int(case[0]), seed)
+        found[0].append(estimates(sample, function))
         with small_bins():
-            both[1].append(estimates(sample, function))
-    return np.array(both)
+            found[1].append(estimates(sample, function))
+    for number, name in enumerate(NAMES):
+        row: dict[str, Any] = {"input": name}
+        for bins, bounds in zip(("", "_of_16"), found, strict=True):
+            _, lower, upper = np.array(bounds)[:, number].T
+            covers = (lower <= exact[number]) & (exact[number] <= upper)
+            row |= {f"covers{bins}": covers.sum(), f"width{bins}": (upper - lower).sum() / 2}
+        yield row
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=400)
-    parser.add_argument("--runs", type=int, nargs="+", default=[30_000, 100_000])
-    parser.add_argument("--problems", nargs="+", default=[*PROBLEMS], choices=[*PROBLEMS])
-    chosen = parser.parse_args()
-    print("runs, problem, input: coverage | 16; sd | 16; half-width | 16", flush=True)
-    for runs in chosen.runs:
-        for problem in chosen.problems:
-            function, exact = PROBLEMS[problem]
-            samples = (drawn(runs, seed) for seed in range(chosen.seeds))
-            report(f"{runs} {problem}", measured(function, samples), np.array(exact))
+def _page(rows: Sequence[Row]) -> Iterator[str]:
+    head = ["runs", "function", "input", "coverage", "coverage, bins of 16", "half-width"]
+    sums = ("count", "covers", "covers_of_16", "width", "width_of_16")
+    cells = totals(rows, ("runs", "problem", "input"), sums).items()
+    of = (
+        [f"{runs:,}".replace(",", " "), *names]
+        + [per_cent(each, cell.count) for each in (cell.covers, cell.covers_of_16)]
+        + [f"{each / cell.count:.4f}" for each in (cell.width, cell.width_of_16)]
+        for (runs, *names), cell in cells
+    )
+    yield from lines([*head, "half-width, bins of 16"], of)
 
 
-def report(case: str, found: FloatArray, exact: FloatArray) -> None:
-    value, lower, upper = np.moveaxis(found, -1, 0)
-    covered = ((lower <= exact) & (exact <= upper)).mean(axis=1) * 100
-    spread, half = value.std(axis=1), ((upper - lower) / 2).mean(axis=1)
-    for i, name in enumerate(NAMES):
-        shares = " | ".join(f"{each:.1f}" for each in covered[:, i])
-        widths = "; ".join(
-            " | ".join(f"{each:.5f}" for each in row[:, i]) for row in (spread, half)
-        )
-        print(f"{case} {name}: {shares}; {widths}", flush=True)
-
+TABLE = SeedTable(
+    ("runs", "problem"),
+    lambda: product((30_000, 100_000), PROBLEMS),
+    _rows,
+    {"many runs": _page},
+    seeds=400,
+    at_once=10,
+)
 
 if __name__ == "__main__":
-    main()
+    sys.exit(TABLE.main(__doc__))

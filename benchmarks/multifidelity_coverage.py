@@ -33,7 +33,7 @@ from uqpen.designs.multifidelity import Multifidelity
 from uqpen.designs.rounds import run_rounds
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.execution import join_rounds
-from uqpen.models.rigid_penetration import RigidPenetration
+from uqpen.models.rod_models import RigidPenetration
 from uqpen.models.walker_anderson import WalkerAnderson
 from uqpen.statistics.analyze import analyze
 from uqpen.statistics.control_variates import (

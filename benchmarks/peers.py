@@ -146,8 +146,7 @@ def _works(million: int) -> tuple[Work, ...]:
             "Sobol' indices, 10 240 pick-freeze runs",
             "sobol",
             10_240,
-            "Start-up decides it: its points are SciPy's and its indices SALib's, which take half "
-            f"a second to load. {more}",
+            f"Start-up decides it. {more}",
         ),
         Work(
             "sparse expansion",

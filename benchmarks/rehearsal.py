@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from uqpen.benchmark.statistics import BenchmarkStatistic, benchmark_statistics
+from uqpen.benchmark.methods import BenchmarkStatistic, benchmark_statistics
 from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import STATED
 from uqpen.rehearsal.rehearse import RepeatRecord, RepeatWork, make_repeats

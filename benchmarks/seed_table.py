@@ -25,8 +25,6 @@ from typing import Any
 
 from uqpen.core.processors import one_blas_thread
 
-__all__ = ["FEWEST", "LOWEST", "Case", "Row", "SeedTable", "fill", "lines", "per_cent", "totals"]
-
 Row = Mapping[str, Any]
 Case = tuple[str | int, ...]
 

@@ -23,6 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
+from interval_coverage import first_answers
 from scipy import special, stats
 from seed_table import Case, Row, SeedTable, lines, per_cent, totals
 from skewed_coverage import DESIGNS as DESIGNS_OF_SKEWED
@@ -75,39 +76,27 @@ STATISTICS = {
     "first_order": "first-order index",
 }
 
+_HYPERCUBE = "latin-hypercube 10 × 100"
+_SKEWED = DESIGNS_OF_SKEWED | {
+    _HYPERCUBE: DESIGNS_OF_SKEWED["latin-hypercube 10 × 20"]._replace(points=100)
+}
 DESIGNS: dict[str, Design] = {
-    name: DESIGNS_OF_SKEWED[name] for name in ("monte-carlo 200", "monte-carlo 2 000")
-}
-DESIGNS |= {
-    "latin-hypercube 10 × 20": DESIGNS_OF_SKEWED["latin-hypercube 10 × 20"],
-    "latin-hypercube 10 × 100": DESIGNS_OF_SKEWED["latin-hypercube 10 × 20"]._replace(points=100),
-}
-DESIGNS |= {
-    name: DESIGNS_OF_SKEWED[name]
-    for name in ("sobol-sequence 1 024", "sobol-sequence 8 192", "halton 1 024")
+    name: _SKEWED[name]
+    for name in (
+        *("monte-carlo 200", "monte-carlo 2 000", "latin-hypercube 10 × 20", _HYPERCUBE),
+        *("sobol-sequence 1 024", "sobol-sequence 8 192", "halton 1 024"),
+    )
 }
 
 
 @dataclass(frozen=True)
 class UseCase:
-    """A model of OpenTURNS under the distribution of its inputs.
-
-    Parameters
-    ----------
-    name : str
-        Of its class.
-    distribution : openturns.Distribution
-        Joint distribution of the inputs.
-    inputs : callable
-        Inputs at points of the unit cube, as an OpenTURNS sample; shape (point, input).
-    model : openturns.Function
-        Outputs at such inputs; shape (point, output).
-    """
+    """A model of OpenTURNS under the distribution of its inputs, by the name of its class."""
 
     name: str
-    distribution: Any
-    inputs: Callable[[FloatArray], Any]
-    model: Any
+    distribution: Any  # openturns.Distribution
+    inputs: Callable[[FloatArray], Any]  # from points of the unit cube to an openturns.Sample
+    model: Any  # openturns.Function
 
     @property
     def outputs(self) -> list[str]:
@@ -130,22 +119,12 @@ class UseCase:
 
 @dataclass(frozen=True)
 class Truth:
-    """True values of an output's statistics, with the standard errors of these.
+    """True values of an output's statistics, with the standard errors of these."""
 
-    Parameters
-    ----------
-    values, errors : mapping of str to float
-        By statistic. A value may be infinite, or NaN where it does not exist.
-    threshold : float
-        Its 95 % point.
-    driver : int
-        The input with the largest rank correlation, whose sensitivity measures are looked at.
-    """
-
-    values: Mapping[str, float]
+    values: Mapping[str, float]  # infinite, or NaN, where a statistic does not exist
     errors: Mapping[str, float]
-    threshold: float
-    driver: int
+    threshold: float  # its 95 % point
+    driver: int  # the input with the largest rank correlation, whose measures are looked at
 
 
 class Cell(NamedTuple):
@@ -286,25 +265,16 @@ def _cells(
 def _estimates(sample: Sample, threshold: float) -> dict[str, xr.DataArray]:
     """The estimates of all statistics, each along ``bound``."""
     quantity = QuantityOfInterest(OUTPUT, "1", quantiles=QUANTILES)
-    found = _first(sample_moments(sample, quantity), "mean", "std", "half_spread")
-    quantiles = _first(quantile_estimates(sample, quantity), "quantile")["quantile"]
+    found = first_answers(sample_moments(sample, quantity), "mean", "std", "half_spread")
+    quantiles = first_answers(quantile_estimates(sample, quantity), "quantile")["quantile"]
     found |= {f"quantile {p}": each for p, each in zip(QUANTILES, quantiles, strict=True)}
-    found["spearman"] = _first(correlations(sample, quantity), "spearman")["spearman"][0]
-    found["first_order"] = _first(first_order(sample, quantity), "first_order")["first_order"][0]
+    found["spearman"] = first_answers(correlations(sample, quantity), "spearman")["spearman"][0]
+    found["first_order"] = first_answers(first_order(sample, quantity), "first_order")[
+        "first_order"
+    ][0]
     exceeding = replace(quantity, thresholds=(Threshold("", threshold),))
-    array = _first(exceedance_probabilities(sample, exceeding), "exceedance")["exceedance"]
+    array = first_answers(exceedance_probabilities(sample, exceeding), "exceedance")["exceedance"]
     return found | {"exceedance": array[0]}
-
-
-def _first(estimates: Iterator[tuple[str, xr.DataArray]], *wanted: str) -> dict[str, xr.DataArray]:
-    """The estimates that are wanted; those after the last of them are not computed."""
-    found: dict[str, xr.DataArray] = {}
-    for name, estimate in estimates:
-        if name in wanted:
-            found[name] = estimate
-        if len(found) == len(wanted):
-            break
-    return found
 
 
 def _cell(estimate: xr.DataArray, truth: float) -> Cell | None:

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import chaospy
 import numpy as np
-import numpy.typing as npt
 import pytest
 import xarray as xr
 from scipy import stats
@@ -38,8 +37,6 @@ from uqpen.testing import (
 )
 
 pytestmark = pytest.mark.processor
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @pytest.mark.parametrize(

@@ -274,7 +274,7 @@ def test_an_input_has_no_effect_on_a_model_that_does_not_take_it(folder_of_funct
 
 
 def test_an_input_of_any_model_has_to_be_given(folder_of_functions):
-    text = OWN_INPUTS.replace('slope  = "2 ± 0.1"\n', "")
+    text = OWN_INPUTS.replace('slope = "2 ± 0.1"\n', "")
     with pytest.raises(StudyError, match=r"inputs\.slope\n +found +nothing"):
         uqpen.parse_study(text, folder=folder_of_functions)
 

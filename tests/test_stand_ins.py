@@ -113,7 +113,7 @@ def test_a_larger_budget_keeps_the_points(tree):
         ('"close"\ncost', '"closer"\ncost', ["models.rough.stands_for", "did you mean"]),
         ('"close"\ncost', '"rough"\ncost', ["models.rough.stands_for", "another model"]),
         ('"dear"\ncost', '"rough"\ncost', ["models.close.stands_for", "in its turn"]),
-        ("cost = 0.05", "cost = 2", ["study.toml:10", "models.close.cost", "below 1"]),
+        ("cost = 0.05", "cost = 2", ["study.toml:9", "models.close.cost", "below 1"]),
         ("cost = 0.05\n", "", ["models.close.cost", "nothing"]),
         ("pilot = 40", "pilot = 149", ["designs.budgeted.budget", "enough for a pilot of 149"]),
         ("pilot = 40", 'output = "z"', ["designs.budgeted.output", "a number"]),

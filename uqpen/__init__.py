@@ -53,11 +53,11 @@ if TYPE_CHECKING:
     from uqpen.library import make_archive as make_archive
     from uqpen.library import run as run
     from uqpen.library import verify as verify
-    from uqpen.models.alekseevskii_tate import AlekseevskiiTate as AlekseevskiiTate
-    from uqpen.models.hydrodynamic_limit import HydrodynamicLimit as HydrodynamicLimit
     from uqpen.models.known_functions import Campbell as Campbell
     from uqpen.models.known_functions import Ishigami as Ishigami
-    from uqpen.models.rigid_penetration import RigidPenetration as RigidPenetration
+    from uqpen.models.rod_models import AlekseevskiiTate as AlekseevskiiTate
+    from uqpen.models.rod_models import HydrodynamicLimit as HydrodynamicLimit
+    from uqpen.models.rod_models import RigidPenetration as RigidPenetration
     from uqpen.models.rod_trajectories import (
         RigidPenetrationTrajectory as RigidPenetrationTrajectory,
     )

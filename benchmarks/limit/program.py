@@ -13,8 +13,6 @@ import numpy.typing as npt
 
 from uqpen.models import tsitouras
 
-__all__ = ["Erode", "compile_limit", "find_compiler"]
-
 FloatArray = npt.NDArray[np.float64]
 Erode = Callable[[FloatArray, float], FloatArray]
 

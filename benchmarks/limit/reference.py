@@ -15,8 +15,6 @@ from uqpen.execution import Evaluator
 from uqpen.models.rod_course import erosion_slopes, make_rod
 from uqpen.models.rod_motion import Rods
 
-__all__ = ["admissible_points", "dop853", "worst_error"]
-
 FloatArray = npt.NDArray[np.float64]
 Inputs = dict[str, FloatArray]
 

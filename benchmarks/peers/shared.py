@@ -16,22 +16,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-__all__ = [
-    "DIMENSION",
-    "FIRST_ORDER",
-    "LOWER",
-    "NAMES",
-    "PROBABILITIES",
-    "TOTAL_ORDER",
-    "UPPER",
-    "fresh_points",
-    "function",
-    "main",
-    "moments",
-    "one_run",
-    "unexplained",
-]
-
 FloatArray = npt.NDArray[np.float64]
 Figures = dict[str, Any]
 Task = Callable[[int, int], Figures]

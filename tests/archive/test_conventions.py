@@ -13,7 +13,7 @@ from study_text import study_text
 import uqpen
 from uqpen.archive.read import read_group
 from uqpen.benchmark.compare import compare
-from uqpen.benchmark.settings import BenchmarkSettings
+from uqpen.benchmark.methods import BenchmarkSettings
 
 pytestmark = pytest.mark.slow
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from uqpen.benchmark.accuracy import (
+from uqpen.benchmark.record import (
     Accuracy,
     convergence_slope,
     error_ratio,

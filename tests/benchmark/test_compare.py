@@ -10,7 +10,7 @@ import xarray as xr
 
 import uqpen
 from uqpen.benchmark.compare import compare
-from uqpen.benchmark.settings import BenchmarkSettings
+from uqpen.benchmark.methods import BenchmarkSettings
 from uqpen.core.errors import ArchiveError, SettingsError
 from uqpen.execution.runs_in_file import runs_in_file
 

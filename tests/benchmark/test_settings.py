@@ -5,8 +5,7 @@ import pytest
 from study_text import study_text
 
 import uqpen
-from uqpen.benchmark.methods import study_methods
-from uqpen.benchmark.settings import BUDGETS, BenchmarkSettings
+from uqpen.benchmark.methods import BUDGETS, BenchmarkSettings, study_methods
 from uqpen.core.errors import SettingsError
 from uqpen.core.streams import Stream
 from uqpen.designs.drawn_points import points_in_memory

@@ -194,14 +194,3 @@ def test_disjoint_intervals_are_a_disagreement_and_others_are_not():
     assert [(each.first, each.second) for each in found] == [("a", "c"), ("b", "c")]
     assert "no mean of them is right" in str(found[0])
     assert not list(disagreements({"a": near, "none": of(math.nan, math.nan, math.nan)}))
-
-
-def test_mistakes_are_met_before_a_run(tmp_path):
-    (tmp_path / "model.py").write_text("def model(a): raise SystemExit\n")
-    (tmp_path / "study.toml").write_text(
-        '[model]\npython = "model.py:model"\ninputs = { a = "1" }\noutputs = { depth = "m" }\n'
-        '[inputs]\na = "0 ± 1"\n[designs.rare]\nkind = "form"\nevent = "depth > 3 kg"\n'
-    )
-    with pytest.raises(uqpen.StudyError) as raised:
-        uqpen.load_study(tmp_path / "study.toml")
-    assert '"3 kg"' in str(raised.value)

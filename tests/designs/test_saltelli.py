@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from scipy import special
 
@@ -16,8 +15,6 @@ from uqpen.designs.saltelli import MOST_ROUNDS, BlockLayout, Saltelli
 from uqpen.distributions.joint_distribution import FixedInput, JointDistribution, RandomInput
 from uqpen.distributions.univariate import Normal, Uniform
 from uqpen.execution import join_rounds
-
-FloatArray = npt.NDArray[np.float64]
 
 LENGTH, MASS, SHARE, WIDTH = (Input(name, "1") for name in ("length", "mass", "share", "width"))
 LAW = JointDistribution(

@@ -4,7 +4,6 @@ import itertools
 import math
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -31,8 +30,6 @@ from uqpen.distributions.joint_distribution import FixedInput, JointDistribution
 from uqpen.distributions.univariate import Lognormal, Normal, Uniform
 from uqpen.execution import Evaluator, evaluate, join_rounds
 from uqpen.models.known_functions import Ishigami
-
-FloatArray = npt.NDArray[np.float64]
 
 TWO, THREE = ("a", "b"), ("a", "b", "c")
 MATRIX = ((1.0, 0.6, -0.2), (0.6, 1.0, 0.3), (-0.2, 0.3, 1.0))

@@ -16,7 +16,7 @@ import uqpen
 from uqpen.archive.provenance import SCHEMA
 from uqpen.archive.read import read_tree
 from uqpen.benchmark.compare import compare
-from uqpen.benchmark.settings import BenchmarkSettings
+from uqpen.benchmark.methods import BenchmarkSettings
 from uqpen.core.errors import ArchiveError
 
 __all__ = [

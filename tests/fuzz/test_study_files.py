@@ -73,10 +73,3 @@ def without_nothing(value):
     if isinstance(value, list):
         return [without_nothing(inner) for inner in value if inner is not None]
     return value
-
-
-def test_a_number_of_many_digits_is_refused_with_its_line(command_line, tmp_path):
-    Path("long.toml").write_text(f"seed = 1\na = 0x{'f' * 5000}\n")
-    done = command_line("check", "long.toml")
-    assert done.code == 2
-    assert "long.toml:2  a" in done.err

@@ -8,9 +8,8 @@ from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 
 from uqpen.execution import Evaluator
-from uqpen.models.alekseevskii_tate import AlekseevskiiTate
-from uqpen.models.hydrodynamic_limit import HydrodynamicLimit
 from uqpen.models.rod_and_target import Termination
+from uqpen.models.rod_models import AlekseevskiiTate, HydrodynamicLimit
 
 # FFI/RAPPORT-2000/05876, Table 3.1.
 ROD = {

@@ -55,8 +55,6 @@ kind = "monte-carlo"
 runs = {runs}
 """
 
-# At the inputs of `run`: 4 cm and 2 kN, so 0.08 in the units of the program.
-PRODUCT = "awk 'BEGIN { printf \"%.17g\", W * L / 100 }' W={width} L={load}"
 WIDTH, LOAD = 0.04, 2000.0
 
 

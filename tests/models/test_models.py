@@ -10,11 +10,9 @@ from uqpen.core.status import Status
 from uqpen.core.units import si_unit
 from uqpen.execution import Evaluator
 from uqpen.models import MODELS
-from uqpen.models.alekseevskii_tate import AlekseevskiiTate
-from uqpen.models.hydrodynamic_limit import HydrodynamicLimit
 from uqpen.models.known_functions import Campbell, Ishigami
-from uqpen.models.rigid_penetration import RigidPenetration
 from uqpen.models.rod_and_target import OUTPUTS, Termination
+from uqpen.models.rod_models import AlekseevskiiTate, HydrodynamicLimit, RigidPenetration
 from uqpen.models.walker_anderson import WalkerAnderson
 
 # FFI/RAPPORT-2000/05876, Table 3.1.

@@ -52,7 +52,7 @@ class TestBuiltIn:
             ("walker-anderson", "tsitouras", True),
             ("walker-anderson", "rod_course", True),
             ("rigid-penetration", "rod_course", True),
-            ("walker-anderson", "rigid_penetration", False),
+            ("walker-anderson", "rod_models", False),
             ("walker-anderson", "source", False),
             ("rigid-penetration", "rod_and_target", True),
             ("rigid-penetration", "walker_anderson", False),

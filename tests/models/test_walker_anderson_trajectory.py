@@ -10,8 +10,8 @@ from scipy.integrate import cumulative_simpson
 from uqpen.core.errors import SettingsError
 from uqpen.core.status import Status
 from uqpen.execution import Evaluator
-from uqpen.models.rigid_penetration import RigidPenetration
 from uqpen.models.rod_course import make_rod, trajectory
+from uqpen.models.rod_models import RigidPenetration
 from uqpen.models.rod_motion import Along, Curves, RigidMotion, follow_erosion, make_rods
 from uqpen.models.rod_trajectories import RigidPenetrationTrajectory, WalkerAndersonTrajectory
 from uqpen.testing import check_model

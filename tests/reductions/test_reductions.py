@@ -1,7 +1,6 @@
 """Numbers of a run from its field: exact answers, properties, curves that end."""
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -12,8 +11,6 @@ from uqpen.core.model import Dimension, Output
 from uqpen.core.variables import Reduction
 from uqpen.reductions import REDUCTIONS
 from uqpen.reductions.derived import derived_outputs
-
-FloatArray = npt.NDArray[np.float64]
 
 DAY = 86_400.0
 TIME = tuple(np.linspace(0.0, 4.0, 41))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from uqpen.benchmark.statistics import BenchmarkStatistic
+from uqpen.benchmark.methods import BenchmarkStatistic
 from uqpen.core.errors import SettingsError
 from uqpen.core.streams import Stream
 from uqpen.designs.one_at_a_time import OneAtATime

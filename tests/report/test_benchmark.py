@@ -9,7 +9,7 @@ import pytest
 from study_text import study_text
 
 from uqpen.benchmark.compare import compare
-from uqpen.benchmark.settings import BenchmarkSettings
+from uqpen.benchmark.methods import BenchmarkSettings
 from uqpen.charts.chart import Block, Charts
 from uqpen.core.errors import ArchiveError
 from uqpen.core.lookup import resolve

@@ -4,7 +4,6 @@ from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
 from uqpen.core.labels import BOUND, INTERVAL, INTERVAL_LABEL, LEFT_OUT, NOTE
@@ -17,8 +16,6 @@ from uqpen.statistics.fields.tolerance_band import tolerance_band
 from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
-
-Values = npt.NDArray[np.float64]
 
 
 def field(values, replicates=0, *, may_end=False):

@@ -16,7 +16,7 @@ from uqpen.statistics import run_samples
 from uqpen.statistics.analyze import analyze
 from uqpen.statistics.ordering import Ordering
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
-from uqpen.statistics.sensitivity.sorted_bins import CompiledVariance, SortedBins
+from uqpen.statistics.sensitivity.local_regression import RegressionBins
 
 INPUTS, OUTPUTS = ("a", "b", "c"), ("y", "z")
 QUANTITIES = [QuantityOfInterest(Output(name, "m"), "m") for name in OUTPUTS]
@@ -103,38 +103,15 @@ def test_the_values_of_an_output_end_before_those_of_the_next_are_taken(monkeypa
 
 def test_bins_are_made_once_for_all_outputs(monkeypatch):
     counted = Counter[int]()
-    from_sample = SortedBins.from_sample
+    from_sample = RegressionBins.from_sample
 
     def made(sample, column, *, halved=False):
         counted[column] += not halved
         return from_sample(sample, column, halved=halved)
 
-    monkeypatch.setattr("uqpen.statistics.input_columns._MANY", 1)
-    monkeypatch.setattr(SortedBins, "from_sample", made)
+    monkeypatch.setattr(RegressionBins, "from_sample", made)
     analyze(runs_of(700), QUANTITIES, only=["sensitivity"])
     assert counted == dict.fromkeys(range(len(INPUTS)), 1)
-
-
-def test_indices_by_loops_write_no_influence(monkeypatch):
-    written = []
-    about = CompiledVariance.about
-
-    def found(bins, values, *, has_influence=True):
-        written.append(has_influence)
-        return about(bins, values, has_influence=has_influence)
-
-    monkeypatch.setattr("uqpen.statistics.input_columns._MANY", 1)
-    monkeypatch.setattr(CompiledVariance, "about", found)
-    analyze(runs_of(700), QUANTITIES, only=["sensitivity"])
-    assert written
-    assert not any(written)
-
-
-def test_memory_of_loops_is_fewer_columns():
-    size = 131_072  # loops take them
-    runs = runs_of(size)
-    analyze(runs_of(90_000), QUANTITIES)  # imports, and compiles
-    assert peak_in_columns(runs) < 27  # 24.0 measured, for 3 inputs and 2 outputs
 
 
 def test_growing_parts_make_one_array_of_each_statistic(monkeypatch):

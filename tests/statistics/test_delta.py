@@ -4,7 +4,6 @@ import math
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -16,8 +15,6 @@ from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
 from uqpen.statistics.sensitivity.delta import delta
-
-FloatArray = npt.NDArray[np.float64]
 
 QUESTION = QuantityOfInterest(Output("y", "m"), "m")
 NAMES = ("x1", "x2", "x3")

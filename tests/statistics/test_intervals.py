@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -20,8 +19,6 @@ from uqpen.statistics.intervals import (
     student_quantile,
     upper_rank,
 )
-
-FloatArray = npt.NDArray[np.float64]
 
 # Sums of a few hundred terms and the incomplete beta function agree to some 1e-13; this leaves
 # room, and no level below is that close to a step of the binomial law by chance.

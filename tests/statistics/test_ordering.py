@@ -1,7 +1,6 @@
 """Columns in ascending order, and the ranks and sums that follow from it."""
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
@@ -10,8 +9,6 @@ from scipy import stats
 
 from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.ordering import Ordering
-
-FloatArray = npt.NDArray[np.float64]
 
 # Equal values, values that differ in their last bits alone, both zeros, and the ends of numbers.
 NEAR_ONE = [1.0, 1.0 + 2**-52, 1.0 - 2**-53, 1.0 + 2**-30]

@@ -5,7 +5,6 @@ from dataclasses import replace
 from itertools import islice
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 import xarray as xr
 from hypothesis import given, settings
@@ -29,8 +28,6 @@ from uqpen.statistics.fields import field_sample
 from uqpen.statistics.moments.sample_moments import sample_moments
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
 from uqpen.statistics.run_samples import sample_of
-
-Numbers = npt.NDArray[np.float64]
 
 # Distributions at the places: light and heavy tails, atoms, none.
 _DRAWN = [

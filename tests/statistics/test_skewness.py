@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from scipy import stats
 
@@ -16,8 +15,6 @@ from uqpen.statistics.moments.sample_moments import sample_moments
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
 from uqpen.statistics.standard_errors import Margins, extreme_margins, skewness_margins
-
-FloatArray = npt.NDArray[np.float64]
 
 QUANTITY = QuantityOfInterest(Output("y", "1"), "1")
 SEEDS = 400

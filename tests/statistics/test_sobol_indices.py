@@ -6,7 +6,6 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from SALib.analyze import sobol
 from scipy import stats
@@ -27,9 +26,6 @@ from uqpen.results.source_statistics import SourceStatistics
 from uqpen.statistics.analyze import analyze
 from uqpen.statistics.intervals import ratio_error, ratio_jackknife_error
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
-from uqpen.statistics.sensitivity import salib_estimators
-
-FloatArray = npt.NDArray[np.float64]
 
 STUDIES = Path(__file__).parents[2] / "studies"
 UNIT = Uniform(0.0, 1.0)
@@ -384,31 +380,6 @@ def test_strata_that_leave_no_scatter_tell_no_error():
     assert found["first_order"].values[0, 0] == pytest.approx(1)
     assert np.isnan(found["first_order"].values[0, 1:]).all()
     assert "no scatter" in str(found["first_order"]["note"].values[0])
-
-
-class TestGuard:
-    """What SALib would answer with a zero, or not at all, is refused."""
-
-    good = np.random.default_rng(1).standard_normal(100)
-
-    @pytest.mark.parametrize("bad", [np.nan, np.inf])
-    def test_values_that_are_not_finite(self, bad):
-        spoilt = np.append(self.good[1:], bad)
-        with pytest.raises(ValueError, match="finite"):
-            salib_estimators.first_order(self.good, spoilt, self.good)
-        with pytest.raises(ValueError, match="finite"):
-            salib_estimators.total_order(spoilt, self.good, self.good)
-        with pytest.raises(ValueError, match="finite"):
-            salib_estimators.second_order(*[self.good] * 5, spoilt)
-
-    def test_columns_of_unlike_shapes(self):
-        with pytest.raises(ValueError, match="shape"):
-            salib_estimators.total_order(self.good, self.good[1:], self.good)
-
-    @pytest.mark.parametrize("factor", [0.0, 1e-12, 1e12])
-    def test_values_that_are_not_standardized(self, factor):
-        with pytest.raises(ValueError, match="standard"):
-            salib_estimators.first_order(*[factor * self.good] * 3)
 
 
 def test_the_jackknife_of_a_mean_is_its_error_over_replicates():

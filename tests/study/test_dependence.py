@@ -445,14 +445,3 @@ class TestCommands:
         shown = capsys.readouterr().out
         assert "uniform fitted to 20 values of m.csv, strength [%]: lower 18.77 %" in shown
         assert "warning: x1: uniform does not fit the measurements" in shown
-
-    @pytest.mark.usefixtures("_independent_design")
-    @pytest.mark.parametrize("command", ["check", "study"])
-    def test_a_design_that_assumes_independence_leaves_with_2(
-        self, monkeypatch, capsys, tmp_path, command
-    ):
-        assert self.call(monkeypatch, tmp_path, STUDY, command) == 2
-        printed = capsys.readouterr()
-        assert printed.out == ""
-        assert "depend on each other ([dependence])" in printed.err
-        assert not (tmp_path / "archives").exists()

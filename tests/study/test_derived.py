@@ -37,7 +37,6 @@ rate = { uniform = { lower = "0.1", upper = "0.5" } }
 kind = "monte-carlo"
 runs = 40
 """  # noqa: E501 - a table of TOML in braces has one line
-DAY = 86_400.0
 
 
 @pytest.fixture

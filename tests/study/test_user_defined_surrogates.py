@@ -88,11 +88,6 @@ def _checks(path, **options):
     return {check.name: check for check in verify(path, **options)}
 
 
-def _others(path, **options):
-    checks = _checks(path, **options).items()
-    return {(name, check.verdict.name) for name, check in checks if check.verdict.name != "EQUAL"}
-
-
 ONLY_IT = STUDY.partition("[surrogates.chaos]")[0]
 
 

@@ -86,23 +86,11 @@ def labelled_array(
     """Return what the constructor of an array returns, without its copies of all coordinates.
 
     Those copies, text by text, took two fifths of the statistics of 300 outputs. All arrays have
-    the index of `BOUND_COORDINATE` in common, and others that have equal labels.
+    the index of `BOUND_COORDINATE` in common, and others that have equal labels. Coordinates are
+    variables or what makes one, with their indexes if they are `xarray.Coordinates`; `texts` are
+    further ones without an index, which nothing else holds.
 
-    Parameters
-    ----------
-    values : ndarray, shape (*dims)
-    dims : tuple of hashable
-    coordinates : mapping
-        By name a variable or what makes one; with their indexes if they are `xarray.Coordinates`.
-    attributes : mapping
-    name : str, optional
-    texts : mapping of Variable, optional
-        Further coordinates without an index, which nothing else holds.
-
-    Raises
-    ------
-    ValueError
-        If a coordinate has another dimension than the array, or another size.
+    ValueError if a coordinate has another dimension than the array, or another size.
     """
     variable = xr.Variable(dims, values, dict(attributes), fastpath=True)
     variables: dict[Hashable, xr.Variable] = {}
@@ -231,10 +219,6 @@ def estimate_array(
         The dimensions before ``bound`` and their sizes.
     texts : mapping of str to array_like
         By `INTERVAL_TEXTS`: one text for all entries, or one for each.
-    units, long_name : str
-        In SI; what it is.
-    attributes, coordinates : mapping, optional
-        Further ones.
     """
     shape = tuple(dims.values())
     own = {}

@@ -77,10 +77,7 @@ class ArchivedFile:
     def read(self) -> bytes:
         """Return the content of the file.
 
-        Raises
-        ------
-        ArchiveError
-            If the content does not match the archived hash and size.
+        ArchiveError if the content does not match the archived hash and size.
         """
         try:
             content = {
@@ -194,20 +191,12 @@ class ExtractedFiles(NamedTuple):
 
 @contextlib.contextmanager
 def extract_files(files: Sequence[ArchivedFile], other_folder: Path) -> Iterator[ExtractedFiles]:
-    """Provide an archive's files in a temporary folder.
+    """Provide an archive's files in a temporary folder, and write nothing outside it.
 
-    Parameters
-    ----------
-    files : sequence of ArchivedFile
-        Nothing is written outside the temporary folder, whatever their names are.
-    other_folder : Path
-        Folder with the files that the archive has only as hashes.
+    Files that the archive has only as hashes are taken from another folder.
 
-    Raises
-    ------
-    ArchiveError
-        If a name is not that of a file in the study's folder or next to it, a file does not match
-        its hash, or two files cannot be in one folder.
+    ArchiveError if a name is not that of a file in the study's folder or next to it, a file does
+    not match its hash, or two files cannot be in one folder.
     """
     paths = {file: _path_parts(file.name) for file in files}
     # As far down as files are further up, so that these are in the folder as well.

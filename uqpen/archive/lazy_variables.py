@@ -130,13 +130,10 @@ def lazy_dataset(
 
 
 def joined_variable(parts: Sequence[xr.Variable]) -> xr.Variable:
-    """Return variables one after the other along their first dimension.
+    """Return variables one after the other along their first dimension, at least one.
 
-    Parameters
-    ----------
-    parts : sequence of Variable
-        At least one, in memory or in files. All have the dimensions of the first, whose attributes
-        are those of the whole.
+    They are in memory or in files. All have the dimensions of the first, whose attributes are those
+    of the whole.
     """
     first = parts[0]
     starts = np.cumsum([0, *(len(part) for part in parts)])
@@ -181,14 +178,7 @@ def computed_variable(
 ) -> xr.Variable:
     """Return a variable along one dimension whose values follow from their positions.
 
-    Parameters
-    ----------
-    like : Variable
-        Has the dimension, the type and the attributes.
-    size : int
-        Number of values.
-    values_at : callable
-        Returns the values at positions, whole numbers from 0.
+    It has the dimension, the type and the attributes of another.
     """
     values = _LazyValues(
         (size,),
@@ -223,13 +213,7 @@ class GrowingRuns:
         self._is_writable = False
 
     def write(self, start: int, block: xr.Dataset) -> None:
-        """Write the runs of a block, given the number of its first one.
-
-        Raises
-        ------
-        OSError
-            If they cannot be written, for example to a full disk.
-        """
+        """Write the runs of a block, given the number of its first one; OSError for a full disk."""
         try:
             if not self.path.exists():
                 self._define(block)
@@ -250,10 +234,7 @@ class GrowingRuns:
     def read(self, start: int, stop: int) -> Mapping[str, Any]:
         """Return the values of the runs from one number to another, by variable.
 
-        Raises
-        ------
-        OSError, RuntimeError
-            If the library cannot read them.
+        OSError or RuntimeError if the library cannot read them.
         """
         return {
             name: np.asarray(each[start:stop]) for name, each in self._opened().variables.items()
@@ -272,15 +253,7 @@ class GrowingRuns:
                 root.close()
 
     def dataset(self, like: xr.Dataset, failures: FailureRecord) -> xr.Dataset:
-        """Return all runs; their values stay in the file until they are needed.
-
-        Parameters
-        ----------
-        like : Dataset
-            One of the blocks.
-        failures : FailureRecord
-            The failed runs.
-        """
+        """Return all runs, like one of the blocks; values stay in the file until needed."""
         self.close()
         file = OpenFile(self.path)
         found: dict[str, xr.Variable] = failures.variables(like)

@@ -61,10 +61,7 @@ def read_groups(root: netCDF4.Dataset, runs_in_memory: int = RUNS_IN_MEMORY) -> 
     variable as a file of its own, and decodes what an archive has none of: it takes three times as
     long.
 
-    Raises
-    ------
-    OSError, RuntimeError, ValueError, AttributeError
-        If the library cannot read it.
+    OSError, RuntimeError, ValueError or AttributeError if the library cannot read it.
     """
     # Units such as "s" stay numbers, and flags stay whole numbers.
     root.set_auto_maskandscale(False)

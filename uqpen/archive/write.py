@@ -25,10 +25,8 @@ _DIGITS = 8
 def prepare_destination(path: Path) -> None:
     """Make sure, before any model runs, that an archive can be written.
 
-    Raises
-    ------
-    ArchiveError
-        If `path` is a folder or a file of another kind, or its folder cannot be written to.
+    ArchiveError if `path` is a folder or a file of another kind, or its folder cannot be written
+    to.
     """
     try:
         if path.is_dir():

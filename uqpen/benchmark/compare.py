@@ -5,10 +5,13 @@ from __future__ import annotations
 import xarray as xr
 
 from uqpen import execution
-from uqpen.benchmark.methods import BenchmarkRunner, study_methods
+from uqpen.benchmark.methods import (
+    BenchmarkRunner,
+    BenchmarkSettings,
+    benchmark_statistics,
+    study_methods,
+)
 from uqpen.benchmark.record import EstimateRecord
-from uqpen.benchmark.settings import BenchmarkSettings
-from uqpen.benchmark.statistics import benchmark_statistics
 from uqpen.core.errors import Problem, SettingsError
 from uqpen.core.labels import BENCHMARK, KIND
 from uqpen.core.streams import Stream

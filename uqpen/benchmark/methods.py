@@ -1,18 +1,34 @@
-"""Methods of a benchmark: the designs and surrogates of a study, scaled to each budget."""
+"""The methods of a study at each budget, and the statistics that they are compared by."""
 
 from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+import numpy as np
 import xarray as xr
 
-from uqpen.benchmark.statistics import COMPARED_ANALYSES, Estimates
-from uqpen.core.labels import BOUND, BOUNDS, REPLICATED, SINGLE
+from uqpen.core.arrays import FloatArray
+from uqpen.core.catalogue import BENCHMARK_STATISTICS, CATALOGUE
+from uqpen.core.errors import Problem, SettingsError, toml_text
+from uqpen.core.labels import (
+    BOUND,
+    BOUNDS,
+    EXCEEDANCE,
+    LOWER_THRESHOLD,
+    MOMENTS,
+    PROBABILITY,
+    QUANTILES,
+    REPLICATED,
+    SINGLE,
+    THRESHOLD,
+)
+from uqpen.core.statistic import Statistic, UnitRule
 from uqpen.core.streams import Stream
+from uqpen.core.units import DIMENSIONLESS
 from uqpen.designs.design import Design
 from uqpen.designs.drawn_points import points_in_memory
 from uqpen.designs.monte_carlo import MonteCarlo
@@ -26,19 +42,201 @@ from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
 from uqpen.statistics.surrogate.surrogate_statistics import surrogate_statistics
 from uqpen.study.study import ONLY_MODEL, ValidatedStudy
-from uqpen.surrogates.fitted_surrogate import FittedSurrogate
 from uqpen.surrogates.fitting import fit_surrogate
 from uqpen.surrogates.surrogate import Surrogate
 from uqpen.workflow import run_design
 
 __all__ = [
+    "BUDGETS",
+    "COMPARED_ANALYSES",
+    "FEWEST_REPEATS",
+    "REPEATS",
     "BenchmarkMethod",
     "BenchmarkRunner",
+    "BenchmarkSettings",
+    "BenchmarkStatistic",
     "DesignMethod",
+    "Estimates",
     "MethodCost",
     "SurrogateMethod",
+    "benchmark_statistics",
     "study_methods",
 ]
+
+
+# Settings.
+
+# Powers of two are fair to all: at other numbers of runs, a Sobol' sequence loses its balance.
+BUDGETS = (128, 256, 1024, 4096, 8192)
+REPEATS = 30
+
+# With fewer repeats nothing shows that a few of them decide an error.
+FEWEST_REPEATS = 10
+
+_FEWEST_RUNS, _MOST_RUNS = 8, 10_000_000
+
+# Number of replicates of the reference, each with a power of two of points.
+_REPLICATES = 16
+_EACH_VECTORIZED = 65_536
+
+
+@dataclass(frozen=True)
+class BenchmarkSettings:
+    """Settings of a benchmark, common to all methods.
+
+    Parameters
+    ----------
+    budgets : tuple of int
+        Numbers of runs. They are sorted, and duplicates are removed.
+    repeats : int
+        Number of repeats of each method at each budget.
+    reference : int or None
+        Least number of runs of the reference; None for a number that depends on the model's speed.
+    """
+
+    budgets: tuple[int, ...] = BUDGETS
+    repeats: int = REPEATS
+    reference: int | None = None
+
+    def __post_init__(self) -> None:
+        if problems := self._problems():
+            raise SettingsError(problems)
+        object.__setattr__(self, "budgets", tuple(sorted(set(self.budgets))))
+
+    def _problems(self) -> list[Problem]:
+        expected = f"whole numbers of runs from {_FEWEST_RUNS} to {_MOST_RUNS:_}"
+        found = [
+            Problem(("budget",), toml_text(budget), expected)
+            for budget in self.budgets
+            if not _is_whole_number(budget, _FEWEST_RUNS)
+        ]
+        if not self.budgets:
+            found.append(Problem(("budget",), "none", expected))
+        if not _is_whole_number(self.repeats, FEWEST_REPEATS):
+            expected = f"a whole number, at least {FEWEST_REPEATS}: fewer do not show the noise"
+            found.append(Problem(("repeats",), toml_text(self.repeats), expected))
+        fewest = 2 * _REPLICATES
+        if self.reference is not None and not _is_whole_number(self.reference, fewest):
+            expected = f"a whole number, at least {fewest} and at most {_MOST_RUNS:_}"
+            found.append(Problem(("reference",), toml_text(self.reference), expected))
+        return found
+
+    def reference_design(self, *, vectorized: bool) -> tuple[int, int]:
+        """Return runs and replicates of the reference; runs of a vectorized model are cheap."""
+        wanted = self.reference
+        if wanted is None:
+            largest = _REPLICATES * max(self.budgets)
+            wanted = max(_REPLICATES * _EACH_VECTORIZED, largest) if vectorized else largest
+        each = -(-wanted // _REPLICATES)
+        return _REPLICATES * (1 << (each - 1).bit_length()), _REPLICATES
+
+
+def _is_whole_number(value: object, fewest: int) -> bool:
+    is_whole = isinstance(value, int) and not isinstance(value, bool)
+    return is_whole and fewest <= value <= _MOST_RUNS  # type: ignore[operator]
+
+
+# The statistics that methods are compared by.
+
+
+# Estimate arrays by output and statistic.
+Estimates = Mapping[str, Mapping[str, xr.DataArray]]
+
+_COMPARED = tuple(each.name for each in BENCHMARK_STATISTICS)
+
+# The analyses that yield the statistics that are compared.
+COMPARED_ANALYSES = (MOMENTS, QUANTILES, EXCEEDANCE)
+
+# Where a value's own size says little, because zero is a place as any other, errors are relative
+# to the standard deviation.
+_SMALL = 0.01
+
+
+@dataclass(frozen=True)
+class BenchmarkStatistic:
+    """A statistic of an output, with one entry or several.
+
+    Parameters
+    ----------
+    quantity : QuantityOfInterest
+        The quantity of interest of its output.
+    name : str
+        Its name in the catalogue.
+    entries : tuple of float or str
+        The coordinates of its entries; ``("",)`` for a single entry.
+    """
+
+    quantity: QuantityOfInterest
+    name: str
+    entries: tuple[float | str, ...] = ("",)
+
+    @property
+    def output(self) -> str:
+        """The name of its output."""
+        return self.quantity.output.name
+
+    @property
+    def dimension(self) -> str:
+        """The dimension of its entries; empty for a single one."""
+        return next(iter(self._described.dims), "")
+
+    @property
+    def units(self) -> str:
+        """The unit of its values."""
+        return self.quantity.output.unit if self._has_unit else DIMENSIONLESS
+
+    @property
+    def display_units(self) -> str:
+        """The unit to show its values in."""
+        return self.quantity.display_unit if self._has_unit else DIMENSIONLESS
+
+    @property
+    def _described(self) -> Statistic:
+        return CATALOGUE[self.name]
+
+    @property
+    def _has_unit(self) -> bool:
+        return self._described.unit is not UnitRule.NONE
+
+    def estimates(self, estimates: Estimates) -> FloatArray:
+        """Return its estimates out of all, of shape (entry, bound); NaN for missing ones."""
+        shape = (len(self.entries), len(BOUNDS))
+        array = estimates.get(self.output, {}).get(self.name)
+        if array is None:
+            return np.full(shape, np.nan)
+        return np.asarray(array.values, dtype=np.float64).reshape(shape)
+
+    def error_scale(self, truth: FloatArray, spread: float) -> FloatArray:
+        """Return the sizes that errors are relative to, of shape (entry,).
+
+        They follow from the reference's values and the standard deviation of the output.
+        """
+        size = np.abs(truth)
+        if self._described.unit is UnitRule.VALUE:  # may be zero without being small
+            size = np.where(size < _SMALL * spread, spread, size)
+        return np.where(size > 0, size, 1.0)
+
+
+def benchmark_statistics(
+    quantities: Sequence[QuantityOfInterest],
+    names: Sequence[str] = _COMPARED,
+) -> Iterator[BenchmarkStatistic]:
+    """Yield the statistics of every output that is a number, output by output."""
+    for quantity in quantities:
+        if not quantity.output.is_number:
+            continue
+        entries: Mapping[str, tuple[float | str, ...]] = {
+            PROBABILITY: tuple(quantity.quantiles),
+            THRESHOLD: tuple(threshold.text for threshold in quantity.thresholds),
+            LOWER_THRESHOLD: tuple(threshold.text for threshold in quantity.lower_thresholds),
+        }
+        for name in names:
+            along = [entries[dimension] for dimension in CATALOGUE[name].dims]
+            if all(along):
+                yield BenchmarkStatistic(quantity, name, *along)
+
+
+# The methods.
 
 # Runs for the methods of a benchmark: the study's model at its inputs, as in the study itself.
 
@@ -79,20 +277,6 @@ class BenchmarkRunner:
     def estimates(self, runs: xr.Dataset) -> Estimates:
         """Return the estimates from runs, by output and statistic."""
         return analyze(runs, self.quantities, only=COMPARED_ANALYSES)
-
-    def surrogate_estimates(self, fitted: FittedSurrogate, stream: Stream) -> Estimates:
-        """Return the estimates of a fitted surrogate, without bounds.
-
-        Its own bounds are of sampling it, not of the fit.
-        """
-        study = self.study
-        given = study.models[ONLY_MODEL].given
-        draws = SurrogateDraws(fitted, study.joint, study.constraints, given, stream)
-        found = surrogate_statistics(draws, self.quantities, only=COMPARED_ANALYSES).outputs
-        return {
-            output: {name: each.where(each[BOUND] == BOUNDS[0]) for name, each in arrays.items()}
-            for output, arrays in found.items()
-        }
 
     def seconds_per_run(self) -> float:
         """Measure the duration of a run; no estimate depends on it."""
@@ -228,7 +412,14 @@ class SurrogateMethod(BenchmarkMethod):
         fitted = fit_surrogate(
             self.surrogate, self.source, runs, runner.study.model, self.joint, stream
         )
-        return runner.surrogate_estimates(fitted, stream)
+        study = runner.study
+        given = study.models[ONLY_MODEL].given
+        draws = SurrogateDraws(fitted, study.joint, study.constraints, given, stream)
+        found = surrogate_statistics(draws, runner.quantities, only=COMPARED_ANALYSES).outputs
+        return {
+            output: {name: each.where(each[BOUND] == BOUNDS[0]) for name, each in arrays.items()}
+            for output, arrays in found.items()
+        }
 
     def _training_budget(self, budget: int) -> int:
         return round(self.share * budget)

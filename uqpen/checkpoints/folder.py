@@ -7,7 +7,7 @@ import time
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from itertools import chain, count
+from itertools import chain, count, groupby
 from pathlib import Path
 
 import numpy as np
@@ -21,14 +21,7 @@ from uqpen.checkpoints.identity import (
     read_fingerprint,
     was_record_of,
 )
-from uqpen.checkpoints.sources import (
-    SET_ASIDE,
-    PointIndex,
-    RunSource,
-    first_points,
-    set_aside_design,
-    set_aside_sources,
-)
+from uqpen.checkpoints.sources import SET_ASIDE, PointIndex, RunSource, first_points
 from uqpen.checkpoints.stored_runs import (
     MADE_OF,
     BlockStore,
@@ -163,22 +156,19 @@ class CheckpointFolder:
         changes = [each for each in fingerprint_changes(before, now) if not each.is_limit]
         is_of_design = all(each.key.startswith(f"designs.{design}.") for each in changes)
         if changes and is_of_design and not whole_blocks(folder):
+            # Into a folder of their own; a kill in between loses none.
             with self.writing():
-                self._set_aside(folder, model)
+                target = _new_set_aside(self._model_folder(model))
+                write_file(target / MADE_OF, (folder / MADE_OF).read_bytes())
+                for file in part_files(folder):
+                    file.rename(target / file.name)
+                (folder / MADE_OF).unlink()
         elif changes:
             raise CheckpointError(_incompatibility_text(self.folder, design, changes))
         elif before != now:
             self._discard(folder, [Status.TIMED_OUT])
             with self.writing():
                 write_file(folder / MADE_OF, encode_fingerprint(now))
-
-    def _set_aside(self, folder: Path, model: str) -> None:
-        """Move the runs of a design to a folder of their own; a kill in between loses none."""
-        target = _new_set_aside(self._model_folder(model))
-        write_file(target / MADE_OF, (folder / MADE_OF).read_bytes())
-        for file in part_files(folder):
-            file.rename(target / file.name)
-        (folder / MADE_OF).unlink()
 
     def remove_all(self) -> None:
         """Remove all runs."""
@@ -187,7 +177,34 @@ class CheckpointFolder:
 
     def set_aside_sources(self, model: str, fingerprint: Mapping[str, str]) -> list[RunSource]:
         """Return the runs that were set aside and that a model would make again."""
-        sources = [*set_aside_sources(self._model_folder(model), fingerprint, self.read_runs)]
+        found = []
+        folders = (self._model_folder(model) / SET_ASIDE).glob("[0-9]*")
+        for folder in sorted(folder for folder in folders if folder.is_dir()):
+            before = read_fingerprint(folder / MADE_OF) or {}
+            of_model = ("model", "constraints.")
+            known = [key for key in before if key in fingerprint or key.startswith(of_model)]
+            own = {key: before[key] for key in known}
+            changes = list(fingerprint_changes(own, fingerprint))
+            if not before or not all(change.is_limit for change in changes):
+                continue
+            design = _set_aside_design(folder)
+            for _, files in groupby(part_files(folder), lambda file: file.stem.partition("_")[0]):
+                latest_first = sorted(files, key=part_number, reverse=True)
+                if not (parts := [*filter(None, map(self.read_runs, latest_first))]):
+                    continue
+                runs = FinishedRuns.joined(parts)
+                # Each run once, in ascending order; of one that several parts have, the latest.
+                _, first = np.unique(runs.runs, return_index=True)
+                source = RunSource(
+                    "those kept before",
+                    runs.select(first),
+                    is_complete=False,
+                    folder=folder,
+                    changed_design=design,
+                    design=design,
+                )
+                found.append(source.without_statuses([Status.TIMED_OUT] if changes else []))
+        sources = [*filter(None, found)]
         self.runs += sum(len(source.runs.runs) for source in sources)
         return sources
 
@@ -204,7 +221,7 @@ class CheckpointFolder:
         for file in sorted(self.folder.rglob(MADE_OF)):
             whose = " of ".join(file.parent.relative_to(self.folder).parts[::-2])
             if file.parent.parent.name == SET_ASIDE:
-                whose = set_aside_design(file.parent)
+                whose = _set_aside_design(file.parent)
                 if not whose:
                     remove_checkpoint(file.parent)
                     continue
@@ -325,6 +342,13 @@ class CheckpointFolder:
         return self.folder / MODELS / model if model else self.folder
 
 
+def _set_aside_design(folder: Path) -> str:
+    """Return the design that runs were made for; empty for runs that only tried a model."""
+    fingerprint = read_fingerprint(folder / MADE_OF) or {}
+    names = (key.split(".")[1] for key in fingerprint if key.startswith("designs."))
+    return next(names, "")
+
+
 def _incompatibility_text(folder: Path, design: str, changes: list[Change]) -> str:
     only_readings = all(change.is_reading for change in changes)
     to_read = "read their kept folders with --read-again,\n" if only_readings else ""
@@ -401,7 +425,11 @@ class _RoundCheckpoint(Checkpoint):
             self._parts.setdefault(block, GrowingPart()).add(own, result)
         self._unwritten += len(batch_result)
         self._files |= batch_result.results.files
-        if self._blocks and self._unwritten < 4 * BLOCK and self._waited < _WORTH_A_PART:
+        if (
+            self._blocks
+            and self._unwritten < 4 * BLOCK
+            and time.monotonic() - self._since < _WORTH_A_PART
+        ):
             return
         if any(part.is_large for part in self._parts.values()):
             self._store.save()
@@ -471,11 +499,6 @@ class _RoundCheckpoint(Checkpoint):
         if not record.exists():
             write_file(record, encode_fingerprint(self._fingerprint))
 
-    @property
-    def _waited(self) -> float:
-        """Seconds since runs were written."""
-        return time.monotonic() - self._since
-
 
 class _ScratchCheckpoint(_RoundCheckpoint):
     """Checkpoint for one start: many runs are in a file until the archive has them."""
@@ -498,7 +521,7 @@ def keep_runs(
     """Keep finished runs beside an archive, where `make_archive` finds them by their inputs.
 
     Of a model whose versions cannot be distinguished, nothing is kept; nor are runs that are at no
-    point of the study's designs.
+    point with which a design of the study begins.
 
     Parameters
     ----------
@@ -523,12 +546,16 @@ def keep_runs(
     ArchiveError
         If they cannot be written, or another process is making the archive.
     """
-    if study.models[model].model.unknown_dependency or not _are_of_designs(study, inputs, model):
+    size = len(results.status)
+    if study.models[model].model.unknown_dependency or not any(
+        (PointIndex(first_points(study, design, model)).find(inputs, 0, size) >= 0).any()
+        for design in study.designs
+    ):
         return False
     path = Path(path).absolute()
     folder = path.with_name(f"{path.name}.parts")
     root = folder / MODELS / model if model else folder
-    runs = FinishedRuns(np.arange(len(results.status)), dict(inputs), results)
+    runs = FinishedRuns(np.arange(size), dict(inputs), results)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with lock_archive(path):
@@ -541,15 +568,6 @@ def keep_runs(
     except OSError as error:
         raise ArchiveError(f"{folder}: runs cannot be kept: {error.strerror}") from None
     return True
-
-
-def _are_of_designs(study: ValidatedStudy, inputs: Arrays, model: str) -> bool:
-    """Check whether a design begins with points among which is one of these."""
-    for design in study.designs:
-        index = PointIndex(first_points(study, design, model))
-        if (index.find(inputs, 0, len(next(iter(inputs.values())))) >= 0).any():
-            return True
-    return False
 
 
 def _new_set_aside(root: Path) -> Path:

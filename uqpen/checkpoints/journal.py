@@ -136,7 +136,14 @@ class Journal(ProgressBroadcast):
     def advance(self, runs: int, failed: int, in_progress: int) -> None:
         self._runs += runs
         self._failed += failed
-        self._record_first_runs()
+        if self._runs_began is not None:
+            took = time.monotonic() - self._runs_began
+            self._runs_began = None
+            # Those of the first design may have waited for workers.
+            if took < self._first_seconds.get(self._model, math.inf):
+                self._first_seconds[self._model] = took
+                whose = f" of {self._model}" if self._model else ""
+                self.write_line(f"{self._name}: the first runs{whose} took {took:.3f} s")
         super().advance(runs, failed, in_progress)
 
     def start_analysis(self) -> None:
@@ -147,18 +154,6 @@ class Journal(ProgressBroadcast):
         if len(self._warnings) < _MOST_WARNINGS or text in self._warnings:
             self._warnings[text] += 1
         super().warn(text)
-
-    def _record_first_runs(self) -> None:
-        """Write how long the first runs of a model took, where no earlier ones were faster."""
-        if self._runs_began is None:
-            return
-        took = time.monotonic() - self._runs_began
-        self._runs_began = None
-        # Those of the first design may have waited for workers.
-        if took < self._first_seconds.get(self._model, math.inf):
-            self._first_seconds[self._model] = took
-            whose = f" of {self._model}" if self._model else ""
-            self.write_line(f"{self._name}: the first runs{whose} took {took:.3f} s")
 
     def _finish(self) -> None:
         """Write the summary line of the last design."""

@@ -30,9 +30,8 @@ from uqpen.checkpoints.stored_runs import FinishedRuns
 from uqpen.core.arrays import Arrays, FloatArray, IntArray
 from uqpen.core.errors import CheckpointError
 from uqpen.core.labels import BATCH_HASH, FAILED_RUN, FAILURE_REASON, RUN, RUNS, STATUS
-from uqpen.core.masked_numbers import mask_numbers
 from uqpen.core.model import Model
-from uqpen.core.status import STATUS_TEXT, Status
+from uqpen.core.status import STATUS_TEXT, Status, mask_numbers
 from uqpen.core.streams import Stream
 from uqpen.execution import (
     EvaluationOptions,

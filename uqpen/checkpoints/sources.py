@@ -5,10 +5,10 @@ from __future__ import annotations
 import hashlib
 import tomllib
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import groupby, pairwise
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -22,16 +22,11 @@ from uqpen.archive.structure import find_faults
 from uqpen.checkpoints.identity import (
     ModelComparison,
     compare_models,
-    fingerprint_changes,
     list_changes,
-    read_fingerprint,
 )
 from uqpen.checkpoints.journal import Journal
 from uqpen.checkpoints.stored_runs import (
-    MADE_OF,
     FinishedRuns,
-    part_files,
-    part_number,
     select_results,
 )
 from uqpen.core.arrays import Arrays, FloatArray, IntArray
@@ -76,8 +71,6 @@ __all__ = [
     "first_points",
     "input_columns",
     "open_archives",
-    "set_aside_design",
-    "set_aside_sources",
     "shown_path",
     "sources_of_archives",
     "unused_designs",
@@ -86,8 +79,6 @@ __all__ = [
 # Folder, beside those of designs, of finished runs that belong to none: they are found by their
 # inputs alone. Settings of their design have changed since, or they were made to try a model.
 SET_ASIDE = "set_aside"
-
-_KEPT = "those kept before"
 
 _NEVERTHELESS = "take them nevertheless with --no-recheck"
 
@@ -198,58 +189,6 @@ class RunSource:
         for begin, end in pairwise(starts):
             if end - begin == BATCH_SIZE or (self.is_complete and end == len(numbers)):
                 yield np.arange(begin, end)
-
-
-def set_aside_sources(
-    root: Path,
-    fingerprint: Mapping[str, str],
-    read: Callable[[Path], FinishedRuns | None],
-) -> Iterator[RunSource]:
-    """Yield the runs that were set aside and were made with a model.
-
-    Parameters
-    ----------
-    fingerprint : mapping of str to str
-        That of the model; see `model_fingerprint`.
-    read : callable
-        Reads a part; it returns None for a damaged one.
-    """
-    folders = (root / SET_ASIDE).glob("[0-9]*")
-    for folder in sorted(folder for folder in folders if folder.is_dir()):
-        before = read_fingerprint(folder / MADE_OF)
-        if before is None:
-            continue
-        of_model = ("model", "constraints.")
-        own = {key: before[key] for key in before if key in fingerprint or key.startswith(of_model)}
-        changes = list(fingerprint_changes(own, fingerprint))
-        if not all(change.is_limit for change in changes):
-            continue
-        design = set_aside_design(folder)
-        for _, files in groupby(part_files(folder), lambda file: file.stem.partition("_")[0]):
-            parts = [*filter(None, map(read, sorted(files, key=part_number, reverse=True)))]
-            if not parts:
-                continue
-            runs = FinishedRuns.joined(parts)
-            # Each run once, in ascending order; of one that several parts have, the last written.
-            _, first = np.unique(runs.runs, return_index=True)
-            source = RunSource(
-                _KEPT,
-                runs.select(first),
-                is_complete=False,
-                folder=folder,
-                changed_design=design,
-                design=design,
-            )
-            found = source.without_statuses([Status.TIMED_OUT] if changes else [])
-            if found is not None:
-                yield found
-
-
-def set_aside_design(folder: Path) -> str:
-    """Return the design that runs were made for; empty for runs that only tried a model."""
-    fingerprint = read_fingerprint(folder / MADE_OF) or {}
-    names = (key.split(".")[1] for key in fingerprint if key.startswith("designs."))
-    return next(names, "")
 
 
 def open_archives(
@@ -436,8 +375,12 @@ def _archived_rounds(
 ) -> Iterator[FinishedRuns]:
     """Yield the runs of each round of a design; none if a variable is not as the model has it."""
     inputs = input_columns(runs, model)
-    if not all(_has_output(runs, output) for output in model.outputs):
-        return
+    for output in model.outputs:
+        dims = (RUN, *(dim.name for dim in output.dims))
+        if output.name not in runs or runs[output.name].dims != dims:
+            return
+        if not all(np.array_equal(runs[dim.name].values, dim.values) for dim in output.dims):
+            return
     outputs = {output.name: _values(runs, output) for output in model.outputs}
     status = runs[STATUS].values.astype(np.int8)
     reasons = dict.fromkeys(np.flatnonzero(status != Status.OK).tolist(), "no reason was recorded")
@@ -464,15 +407,6 @@ def input_columns(runs: xr.Dataset, model: Model) -> dict[str, FloatArray]:
         for variable in model.inputs
         if variable.name in runs
     }
-
-
-def _has_output(runs: xr.Dataset, output: Output) -> bool:
-    """Check that runs have an output along the dimensions and coordinates of the model's."""
-    if output.name not in runs:
-        return False
-    if runs[output.name].dims != (RUN, *(dim.name for dim in output.dims)):
-        return False
-    return all(np.array_equal(runs[dim.name].values, dim.values) for dim in output.dims)
 
 
 def _values(runs: xr.Dataset, output: Output) -> FloatArray:
@@ -764,12 +698,7 @@ class PointIndex:
     def find(self, inputs: Arrays, start: int, size: int) -> IntArray:
         """Return the position of each point among the known ones, shape (run,); -1 for none.
 
-        Parameters
-        ----------
-        inputs : mapping of str to ndarray, shape (run,)
-            Consecutive points of a round.
-        start, size : int
-            Number of the first of them in its round, and of all points of the round.
+        The arguments are as those of `IndexedRuns.find`.
         """
         columns = _bits(inputs, self._names)
         hashes = _hashes(columns)

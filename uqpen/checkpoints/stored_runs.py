@@ -120,10 +120,7 @@ class FinishedRuns:
     def match_inputs(self, columns: Arrays, start: int = 0) -> bool:
         """Check that its runs were made at exactly these points, bit for bit.
 
-        Parameters
-        ----------
-        start : int
-            Number of the first of them.
+        They are consecutive; the first has the number `start`.
         """
         if self.inputs.keys() != columns.keys():
             return False

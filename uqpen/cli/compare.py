@@ -55,7 +55,7 @@ def compare(
     with show_step("reading the study"), loading():
         from uqpen.archive.write import prepare_destination, write
         from uqpen.benchmark.compare import check_study, compare
-        from uqpen.benchmark.settings import BUDGETS, REPEATS, BenchmarkSettings
+        from uqpen.benchmark.methods import BUDGETS, REPEATS, BenchmarkSettings
         from uqpen.checkpoints.folder import lock_archive
         from uqpen.cli.benchmark_screen import show_benchmark, show_progress
         from uqpen.cli.console import show_line

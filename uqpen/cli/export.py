@@ -49,10 +49,8 @@ def table_format(file: Path | None, kind: str | None = None) -> str:
 def write_table(table: pd.DataFrame | Iterator[pd.DataFrame], kind: str, file: Path | None) -> None:
     """Write a table, or its parts one after the other; without a file, to standard output.
 
-    Raises
-    ------
-    ExportError
-        If the file cannot be written, or no package for its format is installed.
+    An ExportError is raised if the file cannot be written, or no package for its format is
+    installed.
     """
     from uqpen.cli.messages import printable
     from uqpen.core.errors import ExportError

@@ -135,15 +135,7 @@ def _show_required_runs(
 
 
 def _disk_text(runs: float, without_runs: float, free: float, *, keeps_runs: bool) -> str:
-    """Return how much room the largest number of runs takes, and what keeping no runs would save.
-
-    Parameters
-    ----------
-    runs, without_runs, free : float
-        Bytes of the runs, of an archive without them, and those that are free on the disk.
-    keeps_runs : bool
-        Whether the archive of the study has the runs.
-    """
+    """Return how much room the most runs take, and what keeping none of them would save."""
     from uqpen.core.limits import RUNS_IN_MEMORY
 
     once = (

@@ -41,14 +41,8 @@ def open_surrogate(
     """Return a surrogate of an archive; the only one where no name is given.
 
     Code that the archive names is executed only with `trust`. `folder` has the files that its study
-    names, by default those that it keeps.
-
-    Raises
-    ------
-    UnknownNameError
-        If the archive has no such surrogate, or several and no name is given.
-    UqpenError
-        As `archived_surrogate`, and if trusted code cannot be loaded.
+    names, by default those that it keeps. An UnknownNameError is raised if the archive has no such
+    surrogate, or several and no name is given; else it raises as `archived_surrogate` does.
     """
     from uqpen.core.errors import UnknownNameError
     from uqpen.surrogates.archived_surrogate import archived_surrogate, surrogate_paths

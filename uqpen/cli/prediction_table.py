@@ -34,16 +34,8 @@ def prediction_parts(
 
     A field has a row for each point and place, with the place in columns of its own and the number
     of the point in the column ``point``. Rows of scalar outputs come first, then those of the
-    fields along the same dimensions. No part has more than 65 536 points.
-
-    Parameters
-    ----------
-    found : ArchivedSurrogate
-        The surrogate.
-    values : mapping of str to ndarray, shape (point,)
-        The points in SI units.
-    columns : sequence of Column
-        Those of their file.
+    fields along the same dimensions. No part has more than 65 536 points, whose `values` are in SI
+    units.
     """
     given = {column.heading: column.load() for column in columns}
     groups = sorted({output.dims: None for output in found.outputs}, key=len)

@@ -68,15 +68,7 @@ def show_step(name: str) -> Iterator[None]:
 
 
 def progress_lines(progress: StudyProgress, now: float) -> Group:
-    """Draw how far a study is: a bar, and below it numbers.
-
-    Parameters
-    ----------
-    progress : StudyProgress
-        The last report.
-    now : float
-        The time, by the clock of the report.
-    """
+    """Draw how far a study is: a bar, and below it numbers."""
     since = now - progress.began
     if progress.step:
         # A step that is under way is not done yet.

@@ -47,7 +47,7 @@ def show(
         for remark in filter(None, (place.remark for place in places)):
             show_message(remark)
     if as_text:
-        function = "benchmark_tables:benchmark_json" if is_comparison else "json:archive_json"
+        function = "method_comparison:benchmark_json" if is_comparison else "json:archive_json"
         as_json = resolve(f"uqpen.results.{function}")
         text = json.dumps(as_json(tree), indent=2, ensure_ascii=False, allow_nan=False)
         click.echo(printable_json(text))

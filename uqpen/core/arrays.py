@@ -49,17 +49,9 @@ def raw_bytes(values: npt.NDArray[Any]) -> memoryview:
 
 
 def floats(value: object) -> FloatArray:
-    """Convert a value to an array of floats.
+    """Convert a number, an array or a nested list to an array of floats; masked entries to NaN.
 
-    Parameters
-    ----------
-    value : object
-        A number, an array or a nested list of them; a masked entry becomes NaN.
-
-    Raises
-    ------
-    ValueError
-        If it is something else: text, a complex number, None. The message names it.
+    ValueError if it is something else: text, a complex number, None. The message names it.
     """
     try:
         array = np.asanyarray(value)
@@ -90,12 +82,8 @@ def evenly_spread(size: int, most: int) -> IntArray:
 def rows_by_weight(weights: FloatArray, probability: FloatArray) -> IntArray:
     """Return the rows at probabilities, each row over an interval as long as its weight.
 
-    Parameters
-    ----------
-    weights : ndarray, shape (row,)
-        Not below 0, and above 0 somewhere.
-    probability : ndarray
-        Between 0 and 1. Equally spaced ones are systematic resampling.
+    Weights are not below 0, and above 0 somewhere. Equally spaced probabilities are systematic
+    resampling.
     """
     ends = np.cumsum(weights / weights.max())
     rows = np.searchsorted(ends, probability * ends[-1], side="right")

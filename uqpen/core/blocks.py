@@ -41,16 +41,9 @@ def block_ranges(size: int) -> Iterator[tuple[int, int]]:
 
 
 def is_true_by_blocks(check: Callable[..., Any], *variables: xr.Variable, overlap: int = 0) -> bool:
-    """Check that a condition is true of each block of variables along one dimension.
+    """Check that a condition is true of each block of variables of one length.
 
-    Parameters
-    ----------
-    check : callable
-        Takes the values of each variable in a block.
-    *variables : Variable
-        All of one length.
-    overlap : int
-        Number of entries before a block that belong to it, too.
+    With an overlap, that number of entries before a block belong to it, too.
     """
     return all(
         check(*(each[max(start - overlap, 0) : stop].values for each in variables))
@@ -154,15 +147,10 @@ class LoadedDataset(BlockedRuns):
 
 
 def join_blocks(blocks: Iterable[xr.Dataset], size: int) -> xr.Dataset:
-    """Join consecutive blocks of runs; each is released when the next one is there.
+    """Join consecutive blocks of runs to a size; each is released when the next one is there.
 
-    Parameters
-    ----------
-    blocks : iterable of Dataset
-        At least one. All have the variables of the first; without a failed run, the whole has no
-        reasons of failed runs.
-    size : int
-        Number of runs of the whole.
+    All have the variables of the first. Without a failed run, the whole has no reasons of failed
+    runs.
     """
     coming = iter(blocks)
     first = next(coming)

@@ -78,12 +78,15 @@ __all__ = [
     "FAILURE_STATISTICS",
     "INTERVAL_RECIPE",
     "JOINT_STATISTICS",
+    "MEAN",
     "MEASURES",
     "METHOD_STATISTICS",
     "MODEL_FORM_STATISTICS",
     "NAMES_IN_USE",
+    "QUANTILE",
     "REQUESTED",
     "REQUESTED_DIMENSIONS",
+    "STD",
     "TABLE_COLUMNS",
     "UNLISTED_DIMENSIONS",
     "comparison_statistics",
@@ -479,9 +482,9 @@ _INDICES = [
         Measure("first order", "shares", 1, share="alone", reason="the largest first order"),
         {
             "sample": f"{_SENSITIVITY}.given_data:first_order",
-            "field": f"{_FIELDS}.sensitivity:first_order_at_places",
+            "field": f"{_SENSITIVITY}.given_data:first_order_at_places",
             Sampling.PICK_FREEZE: f"{_SENSITIVITY}.sobol_indices:sobol_indices",
-            of_field(Sampling.PICK_FREEZE): f"{_FIELDS}.sensitivity:sobol_indices_at_places",
+            of_field(Sampling.PICK_FREEZE): f"{_SENSITIVITY}.sobol_indices:sobol_indices_at_places",
         },
     ),
     _of_inputs(
@@ -575,7 +578,7 @@ _STATISTICS = [
         Measure("mean effect", "effects", 21, ""),
         {
             Sampling.TRAJECTORIES: f"{_SENSITIVITY}.single_steps:elementary_effects",
-            of_field(Sampling.TRAJECTORIES): f"{_FIELDS}.sensitivity:effects_at_places",
+            of_field(Sampling.TRAJECTORIES): f"{_SENSITIVITY}.single_steps:effects_at_places",
         },
         UnitRule.DIFFERENCE,
     ),
@@ -611,7 +614,7 @@ _STATISTICS = [
         ),
         {
             Sampling.ONE_AT_A_TIME: f"{_SENSITIVITY}.single_steps:relative_responses",
-            of_field(Sampling.ONE_AT_A_TIME): f"{_FIELDS}.sensitivity:responses_at_places",
+            of_field(Sampling.ONE_AT_A_TIME): f"{_SENSITIVITY}.single_steps:responses_at_places",
         },
     ),
     _of_inputs(
@@ -658,22 +661,34 @@ def _by_name(statistics: list[Statistic]) -> Mapping[str, Statistic]:
 
 CATALOGUE = _by_name(_STATISTICS)
 
+# Those that every numeric output has, for what states them first.
+MEAN, STD, QUANTILE = CATALOGUE["mean"], CATALOGUE["std"], CATALOGUE["quantile"]
+
 # Statistics of a design's runs as a whole, of no output in particular.
 FAILURE_STATISTICS = _by_name(_FAILURE_STATISTICS)
 
 # How an event's probability changes with the inputs' distributions.
 _EVENT_SENSITIVITIES = {
-    "mean_sensitivity": ("change {of} with a mean", "mean, by one sd"),
-    "std_sensitivity": ("change {of} with a standard deviation", "sd, by itself"),
-    "mean_elasticity": ("elasticity {of} to a mean", "elasticity, mean"),
-    "std_elasticity": ("elasticity {of} to a standard deviation", "elasticity, sd"),
+    "mean_sensitivity": ("change of an event's probability with a mean", "mean, by one sd"),
+    "std_sensitivity": (
+        "change of an event's probability with a standard deviation",
+        "sd, by itself",
+    ),
+    "mean_elasticity": ("elasticity of an event's probability to a mean", "elasticity, mean"),
+    "std_elasticity": (
+        "elasticity of an event's probability to a standard deviation",
+        "elasticity, sd",
+    ),
     "sensitivity_effective_runs": ("effective number of runs with an event", "effective runs"),
 }
 _OF_DESIGN_POINTS = {
     "reliability_index": ("distance of a design point from the median", "reliability index"),
-    "first_order_probability": ("probability beyond the plane {at}", "probability, first order"),
+    "first_order_probability": (
+        "probability beyond the plane at a design point",
+        "probability, first order",
+    ),
     "second_order_probability": (
-        "probability beyond the paraboloid {at}",
+        "probability beyond the paraboloid at a design point",
         "probability, second order",
     ),
 }
@@ -698,7 +713,7 @@ JOINT_STATISTICS = _by_name(
         *(
             Statistic(
                 name,
-                title.replace("{of}", "of an event's probability"),
+                title,
                 (SENSITIVITY_EVENT, INPUT),
                 note_is_of_estimate=True,
                 measure=Measure(label, "event", rank),
@@ -708,7 +723,7 @@ JOINT_STATISTICS = _by_name(
         *(
             Statistic(
                 name,
-                title.replace("{at}", "at a design point"),
+                title,
                 (DESIGN_POINT,),
                 note_is_of_estimate=True,
                 own=EntryDimension(DESIGN_POINT, "count", {"design_point_run": "count"}),

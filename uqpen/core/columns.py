@@ -65,10 +65,7 @@ class Column:
     def values(self, like: str) -> FloatArray:
         """Return the numbers in SI units.
 
-        Raises
-        ------
-        TableError
-            If the unit is not of the dimension of `like`, or an entry is no finite number.
+        TableError if the unit is not of the dimension of `like`, or an entry is no finite number.
         """
         numbers = self.load()
         try:
@@ -96,16 +93,10 @@ class ColumnFile:
 def read_columns(path: Path) -> ColumnFile:
     """Read the columns of a file.
 
-    Parameters
-    ----------
-    path : Path
-        Ends in ``.nc`` for NetCDF, whose variables along one dimension are the columns; anything
-        else is read as CSV under a row of headings ``name [unit]``.
+    They are the variables along one dimension of a NetCDF file, which ends in ``.nc``. Anything
+    else is read as CSV under a row of headings ``name [unit]``.
 
-    Raises
-    ------
-    TableError
-        If it is not there, or cannot be read.
+    TableError if it is not there, or cannot be read.
     """
     is_netcdf = path.suffix == ".nc"
     try:
@@ -123,10 +114,7 @@ def read_columns(path: Path) -> ColumnFile:
 def columns_of_table(table: Mapping[str, object]) -> tuple[Column, ...]:
     """Return the columns of a table of lists by heading, each as a CSV file would have it.
 
-    Raises
-    ------
-    TableError
-        If a heading is not of the form ``name [unit]``, or the lists differ in length.
+    TableError if a heading is not of the form ``name [unit]``, or the lists differ in length.
     """
     columns = []
     lengths = set()

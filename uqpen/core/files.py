@@ -55,14 +55,8 @@ class FileSnapshot:
 def open_file(path: Path) -> Iterator[BinaryIO]:
     """Open a regular file, or a link to one, for reading; nothing is waited for.
 
-    Raises
-    ------
-    FileNotFoundError
-        If there is none, or no system could have one of the name.
-    NotAFileError
-        If it is a folder, a pipe, a socket or a device.
-    OSError
-        If it cannot be read. Its ``strerror`` can be shown to a user.
+    FileNotFoundError if there is none, or no system could have one of the name; NotAFileError if it
+    is a folder, a pipe, a socket or a device. The ``strerror`` of any can be shown to a user.
     """
     try:
         mode = path.stat().st_mode
@@ -76,12 +70,9 @@ def open_file(path: Path) -> Iterator[BinaryIO]:
 
 
 def read_file(path: Path, most: int | None = None) -> bytes:
-    """Return the content of a file.
+    """Return the content of a file as `open_file` opens it.
 
-    Raises
-    ------
-    OSError
-        As `open_file`, and with the number EFBIG if the file has more than `most` bytes.
+    OSError with the number EFBIG if the file has more than `most` bytes.
     """
     with open_file(path) as stream:
         size = os.fstat(stream.fileno()).st_size
@@ -122,11 +113,8 @@ def replace_file(path: Path, content: bytes | Iterable[bytes]) -> None:
 
     The content may come by parts, so that it need not be in memory.
 
-    Raises
-    ------
-    OSError
-        If it cannot be written; a file that was there before is unchanged. Its ``strerror`` can be
-        shown to a user.
+    OSError if it cannot be written; a file that was there before is unchanged. Its ``strerror`` can
+    be shown to a user.
     """
     if path.is_dir():
         raise OSError(errno.EISDIR, "it is a folder")

@@ -43,11 +43,8 @@ def resolve(reference: str) -> Any:
 def resolve_name(family: Mapping[str, str], name: str, what: str) -> Any:
     """Import the object that `name` stands for in `family`.
 
-    Raises
-    ------
-    UnknownNameError
-        If `name` is not in `family`. The message calls it a `what`, and lists the choices, the
-        nearest first.
+    UnknownNameError if `name` is not in `family`. The message calls it a `what`, and lists the
+    choices, the nearest first.
     """
     if name not in family:
         raise UnknownNameError(f'no {what} "{name}"; {choices(name, family)}')
@@ -85,19 +82,10 @@ def installed_packages(group: str) -> dict[str, str]:
 
 
 def load_installed(group: str, name: str) -> Any:
-    """Import the object that an installed package adds to a family.
+    """Import the object that an installed package adds to a family, one of its `installed_members`.
 
-    Parameters
-    ----------
-    group : str
-        Group of the entry points of the family, such as ``"uqpen.designs"``.
-    name : str
-        One of its `installed_members`.
-
-    Raises
-    ------
-    ModelError
-        If the package cannot be imported, or lacks the object. The message names the package.
+    ModelError if the package cannot be imported, or lacks the object. The message names the
+    package.
     """
     import importlib.metadata
 

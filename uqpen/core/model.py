@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import itertools
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Self, TypeVar
+from typing import TYPE_CHECKING, NamedTuple, Self, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +18,7 @@ from uqpen.core.files import FileSnapshot
 from uqpen.core.limits import Limits
 from uqpen.core.lookup import choices
 from uqpen.core.status import Status
+from uqpen.core.units import scale
 from uqpen.core.variables import (
     POSITIVE,
     Bounds,
@@ -44,9 +45,11 @@ __all__ = [
     "Model",
     "Output",
     "Results",
+    "RunOutcome",
     "RunWarning",
     "Variable",
     "empty_outputs",
+    "joined_outcomes",
 ]
 
 # Results of a batch of runs, and warnings of a model about them.
@@ -80,6 +83,39 @@ class Results:
         """Return the results of a batch in which no run failed."""
         runs = len(next(iter(outputs.values())))
         return cls(outputs, np.full(runs, Status.OK, dtype=np.int8))
+
+
+class RunOutcome(NamedTuple):
+    """Outcome of one run, or of some that have ended alike; outputs are in units of the model."""
+
+    outputs: Mapping[str, FloatArray]
+    status: Status = Status.OK
+    reason: str = ""
+
+    @classmethod
+    def failed(cls, reason: str, status: Status = Status.FAILED) -> RunOutcome:
+        """Return the outcome of a run without outputs."""
+        return cls({}, status, reason)
+
+
+def joined_outcomes(
+    outcomes: Iterable[tuple[slice, RunOutcome]],
+    outputs: Sequence[Output],
+    units: Mapping[str, str],
+    runs: int,
+) -> Results:
+    """Return the results of runs from the outcome at each place among them."""
+    found = empty_outputs(outputs, runs)
+    status = np.full(runs, Status.OK, dtype=np.int8)
+    reasons: dict[int, str] = {}
+    for place, outcome in outcomes:
+        status[place] = outcome.status
+        if outcome.reason:
+            reasons[place.start] = outcome.reason
+        for name, values in outcome.outputs.items():
+            found[name][place] = values
+    in_si = {name: scale(units[name]).array_to_si(values) for name, values in found.items()}
+    return Results(in_si, status, reasons)
 
 
 class RunWarning(UserWarning):
@@ -323,15 +359,7 @@ class Model(ABC):
 
 
 def violated_conditions(model: Model, inputs: Arrays) -> Iterator[tuple[BoolArray, str]]:
-    """Yield every condition on a batch's inputs, with a mask of the runs that violate it.
-
-    Yields
-    ------
-    violated : ndarray of bool, shape (run,)
-        Mask of the runs that violate the condition.
-    text : str
-        The condition.
-    """
+    """Yield a mask of the runs that violate a condition on a batch's inputs, and the condition."""
     for variable in model.inputs:
         if variable.name in inputs:
             inside = variable.bounds.contain(inputs[variable.name])

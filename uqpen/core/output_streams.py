@@ -48,12 +48,8 @@ def lasting_streams(errors: str | None = None) -> Iterator[None]:
     """Let standard output and error be files whose writes never fail, within this context.
 
     What a shell has closed goes nowhere. Streams that are no files, such as those of a notebook or
-    a test, stay as they are.
-
-    Parameters
-    ----------
-    errors : str, optional
-        Name of the error handler for characters that a stream lacks; by default its own.
+    a test, stay as they are. The handler of errors is for characters that a stream lacks; by
+    default it is its own.
     """
     before = sys.stdout, sys.stderr
     sys.stdout, sys.stderr = (_lasting(stream, errors) for stream in before)

@@ -41,10 +41,7 @@ def use_one_thread() -> None:
 def thread_count() -> int:
     """Return how many threads compiled code may use in this process; no result depends on it.
 
-    Raises
-    ------
-    SettingsError
-        If the environment variable ``UQPEN_THREADS`` is no number, or less than 1.
+    SettingsError if the environment variable ``UQPEN_THREADS`` is no number, or less than 1.
     """
     given = os.environ.get(MOST_THREADS, "").strip()
     if given and not (given.isdecimal() and int(given) > 0):
@@ -68,21 +65,9 @@ def processors() -> int:
 
 
 def map_parts(function: Callable[[slice], Part], size: int, worth_a_thread: int) -> list[Part]:
-    """Call a function for each part of a range, in a thread each.
+    """Call a function for consecutive slices of a range, in a thread each; return its results.
 
-    Parameters
-    ----------
-    function : callable
-        Called with consecutive slices. It releases Python's lock while it computes.
-    size : int
-        The end of the range.
-    worth_a_thread : int
-        The smallest part that is worth a thread.
-
-    Returns
-    -------
-    list
-        What the function has returned, in order.
+    It releases Python's lock while it computes. No part is smaller than what is worth a thread.
     """
     parts = max(1, min(thread_count(), size // worth_a_thread))
     if parts == 1:

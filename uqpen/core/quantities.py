@@ -54,23 +54,12 @@ class Spread:
 def parse_quantity(
     text: str | float, like: str, *, difference: bool = False, allow_offset: bool = True
 ) -> Quantity:
-    """Read a quantity such as ``"17.5 g/cm^3"``.
+    """Read a quantity such as ``"17.5 g/cm^3"``, in the dimension of a unit.
 
-    Parameters
-    ----------
-    text : str or float
-        Text of the user; a plain number where the dimension has no unit.
-    like : str
-        A unit of the expected dimension.
-    difference : bool
-        Whether it is a difference, a standard deviation say: 5 degC is then 5 K.
-    allow_offset : bool
-        Whether the unit of a value that is read as it is may have a zero of its own, as degC.
+    A difference of 5 degC, a standard deviation say, is 5 K. Without `allow_offset`, the unit of
+    another value may have no zero of its own.
 
-    Raises
-    ------
-    QuantityError
-        If it is not a finite number with a unit of that dimension.
+    QuantityError if it is not a finite number with a unit of that dimension.
     """
     if isinstance(text, int | float) and not isinstance(text, bool) and not is_huge(text):
         text = repr(text)
@@ -97,10 +86,7 @@ def parse_spread(text: str, like: str) -> Spread | None:
 
     Returns None for a text without ``±`` (or ``+/-``).
 
-    Raises
-    ------
-    QuantityError
-        If it has one but cannot be read.
+    QuantityError if it has one but cannot be read.
     """
     _refuse_length(text)
     if not _PLUS_MINUS.search(text):

@@ -121,12 +121,9 @@ def declared_settings(owner: Any) -> Iterator[tuple[dataclasses.Field[Any], Sett
 
 
 def written_settings(owner: Any) -> dict[str, Any]:
-    """Return the settings of an instance as a study file states them, without the defaults.
+    """Return the settings of an instance by key as a study file states them, without the defaults.
 
-    Returns
-    -------
-    dict
-        By key; quantities as they were written.
+    Quantities are as they were written.
     """
     found = {}
     written = getattr(owner, _WRITTEN, {})
@@ -391,21 +388,11 @@ def file(**options: Any) -> Any:
 
 
 def validate(owner: Any, further: Iterable[Problem] = ()) -> None:
-    """Check the settings of an instance; raise an error if one is out of range.
+    """Check the settings of an instance, usually in its ``__post_init__``.
 
-    A quantity that is given as text, such as ``"2.5 m"``, is converted to SI units first.
-
-    Parameters
-    ----------
-    owner : dataclass instance
-        Usually ``self``, in ``__post_init__``.
-    further : iterable of Problem
-        Problems between settings; used only where each setting is valid by itself.
-
-    Raises
-    ------
-    SettingsError
-        Naming every setting that is wrong.
+    A quantity that is given as text, such as ``"2.5 m"``, is converted to SI units first. Further
+    problems, between settings, are used only where each setting is valid by itself. The
+    SettingsError names every setting that is wrong.
     """
     problems = list(convert_quantities(owner))
     if problems:

@@ -292,20 +292,8 @@ def derived(
     """Return the record of a statistic that follows from another.
 
     It has the unit and the recipe of the other. It is asked for, estimated and shown by itself only
-    as `changes` say.
-
-    Parameters
-    ----------
-    record : Statistic
-        Of the other.
-    prefix : str
-        Beginning of its name, before that of the other.
-    title : str
-        Its name for display, with ``{title}`` for that of the other.
-    dims : tuple of str
-        Its dimensions before those of the other.
-    **changes
-        Fields in which it differs.
+    as `changes` say. The prefix is the beginning of its name, the title may have ``{title}`` for
+    that of the other, and its dimensions stand before those of the other.
     """
     own = {
         "name": f"{prefix}{record.name}",

@@ -234,10 +234,7 @@ def si_unit(text: str) -> str:
 
     It is a named unit where there is a usual one (``"Pa"``), else the product of base units.
 
-    Raises
-    ------
-    QuantityError
-        If `text` is not a unit.
+    QuantityError if `text` is not a unit.
     """
     return text if text is ANY_DIMENSION else _si_unit(text)
 

@@ -276,13 +276,7 @@ class Output(Variable):
         return ", ".join(dim.place_text(dim.values[position]) for dim, position in along)
 
     def invalid_text(self, values: FloatArray) -> str:
-        """Return the first invalid value of a run and its place; empty if there is none.
-
-        Parameters
-        ----------
-        values : ndarray, shape (*dims)
-            Values of one run.
-        """
+        """Return the first invalid value of a run, shape (*dims), and its place; or empty."""
         invalid = self.invalid(values[np.newaxis])[0]
         if not invalid.any():
             return ""
@@ -291,13 +285,10 @@ class Output(Variable):
         return f"{text} at {self.place_text([int(each) for each in place])}" if self.dims else text
 
     def invalid(self, values: FloatArray) -> BoolArray:
-        """Return a mask of the values that are no results.
+        """Return a mask of the values of runs, of shape (run, *dims), that are no results.
 
-        Parameters
-        ----------
-        values : ndarray, shape (run, *dims)
-            Values of several runs. Each must be finite. Of a curve that may end, all after the
-            end are NaN; its first value must be there. NaN is a result where it means `absent`.
+        Each must be finite. Of a curve that may end, all after the end are NaN; its first value
+        must be there. NaN is a result where it means `absent`.
         """
         if self.absent:
             return np.isinf(values)

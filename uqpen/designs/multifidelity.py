@@ -153,7 +153,9 @@ def best_allocation(
     pilot : int
         Number of points that all models run at least.
     """
-    groups = _all_groups(len(costs))
+    # Every group of at least one of the models, that of all models first.
+    chosen = product((True, False), repeat=len(costs))
+    groups = tuple(np.array(group) for group in chosen if any(group))
     while True:
         prices = np.array([costs[group].sum() for group in groups])
         estimators = [LinearEstimator(covariance, groups) for covariance in covariances]
@@ -163,12 +165,6 @@ def best_allocation(
         if is_kept.all():
             return Allocation(groups, runs)
         groups = tuple(group for group, keep in zip(groups, is_kept, strict=True) if keep)
-
-
-def _all_groups(models: int) -> tuple[BoolArray, ...]:
-    """Return every group of at least one of the models, that of all models first."""
-    chosen = product((True, False), repeat=models)
-    return tuple(np.array(group) for group in chosen if any(group))
 
 
 def _allocate(

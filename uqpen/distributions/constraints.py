@@ -56,10 +56,7 @@ class Constraint:
     def is_satisfied(self, inputs: Arrays) -> BoolArray:
         """Return a mask of the points that satisfy it; false where a value in it is not finite.
 
-        Parameters
-        ----------
-        inputs : mapping of str to ndarray
-            SI values of the inputs, of shapes that broadcast.
+        The inputs are SI values of shapes that broadcast.
         """
         with np.errstate(all="ignore"):
             tree = _parse(self.text)
@@ -74,19 +71,9 @@ class Constraint:
 
 
 def parse_constraint(text: str, units: Mapping[str, str]) -> Constraint:
-    """Read a constraint and check its names and units.
+    """Read a constraint on inputs, whose SI units are given, and check its names and units.
 
-    Parameters
-    ----------
-    text : str
-        The comparison.
-    units : mapping of str to str
-        The SI unit of every input that may stand in it.
-
-    Raises
-    ------
-    ConstraintError
-        If it is no comparison, names something else, or mixes dimensions.
+    ConstraintError if it is no comparison, names something else, or mixes dimensions.
     """
     tree = _parse(text)
     sides = [tree.left, *tree.comparators]

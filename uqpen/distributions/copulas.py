@@ -351,19 +351,10 @@ MEASURES = {
 
 
 def score_correlation(correlation: float, measure: str) -> float:
-    """Convert a rank correlation to the correlation of normal scores.
+    """Convert a correlation by one of `MEASURES` to the correlation of normal scores.
 
-    Parameters
-    ----------
-    correlation : float
-        Between -1 and 1.
-    measure : str
-        One of `MEASURES`. The conversion of Kendall's is the same for every elliptical
-        distribution; that of Spearman's is the one of the normal distribution.
-
-    References
-    ----------
-    Kruskal, W. H. (1958). J. Am. Stat. Assoc. 53, 814-861.
+    The conversion of Kendall's is the same for every elliptical distribution; that of Spearman's is
+    the one of the normal distribution (Kruskal, W. H. (1958). J. Am. Stat. Assoc. 53, 814-861).
     """
     if measure == "ranks":
         return 2 * math.sin(math.pi * correlation / 6)

@@ -108,25 +108,10 @@ class FrozenDistribution(Distribution):
 def frozen_distribution(
     library: str, name: str, parameters: Mapping[str, float], unit: str
 ) -> FrozenDistribution:
-    """Return a distribution by its name in a library and its parameters.
+    """Return a distribution by its name in one of `LIBRARIES` and its parameters.
 
-    Parameters
-    ----------
-    library : str
-        One of `LIBRARIES`.
-    name : str
-        Name of a continuous distribution there, such as ``"genextreme"``.
-    parameters : mapping of str to float
-        Its parameters under the names that the library gives them.
-    unit : str
-        Unit of its values.
-
-    Raises
-    ------
-    LookupError
-        If the library has no such continuous distribution.
-    ValueError
-        If it does not take these parameters, or is not defined for them.
+    LookupError if the library has no such continuous distribution; ValueError if it does not take
+    these parameters, or is not defined for them.
     """
     module = importlib.import_module(LIBRARIES[library])
     family: Any = getattr(module, name, None)
@@ -162,10 +147,7 @@ def is_chaospy(value: object) -> bool:
 def declare(frozen: Any) -> tuple[str, dict[str, Any]] | None:
     """Return the library of a distribution, and its name and parameters as data.
 
-    Returns
-    -------
-    tuple or None
-        None where they do not determine it: it is an expression, or of a class of the user's.
+    None where they do not determine it: it is an expression, or of a class of the user's.
     """
     dist = getattr(frozen, "dist", None)
     if dist is not None and hasattr(frozen, "kwds"):

@@ -191,12 +191,8 @@ def chaospy_joint(
 ) -> ChaospyJoint:
     """Return a multivariate distribution of chaospy by its name and parameters.
 
-    Raises
-    ------
-    LookupError
-        If it has no such distribution.
-    ValueError
-        If it does not take these parameters, or is of another number of dimensions.
+    LookupError if it has no such distribution; ValueError if it does not take these parameters, or
+    is of another number of dimensions.
     """
     chaospy = importlib.import_module("chaospy")
     family: Any = getattr(chaospy, name, None)
@@ -224,10 +220,7 @@ def is_joint(value: object) -> bool:
 def declare_joint(joint: Any) -> dict[str, Any] | None:
     """Return the name and the parameters of a distribution of chaospy as data.
 
-    Returns
-    -------
-    dict or None
-        None where they do not determine it: its parameters depend on others, say.
+    None where they do not determine it: its parameters depend on others, say.
     """
     inputs = tuple(map(str, range(len(joint))))
     units = ("1",) * len(joint)

@@ -286,15 +286,8 @@ def input_agreements(
 ) -> Iterator[Agreement]:
     """Compare each random input with its distribution, by the Kolmogorov-Smirnov test.
 
-    An input with a discrete distribution, or whose distribution is not known by itself, is left
-    out.
-
-    Parameters
-    ----------
-    joint : JointDistribution
-        The inputs of the study.
-    points : mapping of str to ndarray, shape (run,)
-        In SI units.
+    The points are in SI units. An input with a discrete distribution, or whose distribution is not
+    known by itself, is left out.
     """
     unknown = {*joint.unloaded, *joint.implicit_inputs}
     for entry in joint.random:

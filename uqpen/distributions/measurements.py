@@ -75,10 +75,7 @@ class Measurements:
     def column(self, heading: str) -> Column:
         """Return the column with a heading, with or without its unit; empty for the only column.
 
-        Raises
-        ------
-        TableError
-            If there is none, or more than one.
+        TableError if there is none, or more than one.
         """
         headings = [column.heading for column in self.columns]
         if not heading and len(headings) > 1:
@@ -247,18 +244,9 @@ def fitted_families() -> list[str]:
 def fit_distribution(
     family: str, measurements: FloatArray, rng: np.random.Generator, *, samples: int | None = None
 ) -> DistributionFit:
-    """Fit a family to measurements.
+    """Fit one of `fitted_families` to measurements in SI units.
 
-    Parameters
-    ----------
-    family : str
-        One of `fitted_families`.
-    measurements : ndarray, shape (measurement,)
-        In SI units.
-    rng : Generator
-        For the bootstrap.
-    samples : int, optional
-        Number of bootstrap samples; 999, or fewer where there are very many measurements.
+    The bootstrap has 999 samples, or fewer where there are very many measurements.
 
     Raises
     ------

@@ -76,19 +76,10 @@ class Recurrence:
         return bool(is_number and (self.beta > 0).all())
 
     def gauss(self, nodes: int) -> tuple[FloatArray, FloatArray]:
-        """Compute Gauss's rule, exact for polynomials up to degree 2 `nodes` - 1.
+        """Return values and weights, whose sum is 1, of Gauss's rule with a number of nodes.
 
-        Golub, G. H. & Welsch, J. H. (1969). Math. Comput. 23, 221-230.
-
-        Parameters
-        ----------
-        nodes : int
-            Number of nodes; the recurrence must reach order `nodes` - 1.
-
-        Returns
-        -------
-        values, weights : ndarray, shape (node,)
-            Values of the variable itself, ascending, and weights whose sum is 1.
+        It is exact for polynomials up to degree 2 `nodes` - 1; the recurrence must reach order
+        `nodes` - 1. Golub, G. H. & Welsch, J. H. (1969). Math. Comput. 23, 221-230.
         """
         off_diagonal = np.sqrt(self.beta[1:nodes])
         t, vectors = scipy.linalg.eigh_tridiagonal(self.alpha[:nodes], off_diagonal)
@@ -99,13 +90,8 @@ class Recurrence:
 def recurrence(distribution: Distribution, order: int) -> Recurrence:
     """Compute the recurrence of a distribution's orthogonal polynomials up to an order.
 
-    Parameters
-    ----------
-    distribution : Distribution
-        The classical ones have formulas. The coefficients of any other follow from its quantile
-        function, integrated to rounding.
-    order : int
-        The highest k of the coefficients.
+    The classical ones have formulas. The coefficients of any other follow from its quantile
+    function, integrated to rounding.
     """
     k = np.arange(order + 1, dtype=np.float64)
     with np.errstate(all="ignore"):

@@ -213,20 +213,21 @@ class Cluster:
         under_way: dict[Future[BatchResult], Task] = {}
         coming = as_completed(loop=self._client.loop, with_results=True, raise_errors=False)
         try:
-            while self._has_work(call):
+            while True:
+                self._look(call)
+                if not call.fill():
+                    break
                 if call.has_tasks:
                     under_way |= self._send(call, coming)
-                _wait_for_results(coming)
+                if not coming.has_ready():
+                    with coming.thread_condition:
+                        coming.thread_condition.wait(_LONGEST_WAIT)
                 for future, batch_result in coming.next_batch(block=False):
                     self._record(call, future, under_way.pop(future), batch_result)
                 yield from call.completed()
         finally:
             if under_way:
                 self._client.cancel(list(under_way), force=True)
-
-    def _has_work(self, call: TaskQueue) -> bool:
-        self._look(call)
-        return call.fill()
 
     def _look(self, call: TaskQueue) -> None:
         """Look at the workers now and then: more of them take more batches."""
@@ -272,13 +273,6 @@ class Cluster:
             raise error
         # The model runs in a child of the worker, so the model did not kill the worker.
         call.record_death(task, "its worker was ended several times")
-
-
-def _wait_for_results(coming: as_completed) -> None:
-    """Wait until a result is there, but not for long."""
-    if not coming.has_ready():
-        with coming.thread_condition:
-            coming.thread_condition.wait(_LONGEST_WAIT)
 
 
 def _run_batch(pickled: bytes, batch: Batch) -> BatchResult:

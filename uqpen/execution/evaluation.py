@@ -115,7 +115,9 @@ def evaluate_blocks(
         numbers of failed runs are those in the whole.
     """
     options = options or EvaluationOptions()
-    first_runs = options.first_runs or _no_first_runs(evaluator.model)
+    # Without them, nothing is decided and no run is made on trial.
+    none = FirstRuns(evaluator.model, FailurePolicy(stop_after=0, trial=False))
+    first_runs = options.first_runs or none
     under_way = _RunsUnderWay(evaluator.model, points, display_units, options, first_runs)
     worth_sending = (
         options.map.worth_sending if isinstance(options.map, PacedMap) else WORTH_SENDING
@@ -209,11 +211,6 @@ class _RunsUnderWay:
     def _dataset(self, block: BlockRecord) -> xr.Dataset:
         results = block.variables(self._model)
         return runs_dataset(block.points, results, self._model, self._display_units)
-
-
-def _no_first_runs(model: Model) -> FirstRuns:
-    """Return first runs that decide nothing, without a trial run."""
-    return FirstRuns(model, FailurePolicy(stop_after=0, trial=False))
 
 
 def _batches(blocks: OpenBlocks, model: Model, pace: Pace) -> Iterator[Batch]:

@@ -10,9 +10,8 @@ from typing import NamedTuple
 from uqpen.core.arrays import Arrays
 from uqpen.core.dependency import OBSERVED, Dependency
 from uqpen.core.errors import FirstRunsFailedError
-from uqpen.core.masked_numbers import mask_numbers
 from uqpen.core.model import Model
-from uqpen.core.status import STATUS_TEXT, Status
+from uqpen.core.status import STATUS_TEXT, Status, mask_numbers
 from uqpen.execution.batch import BatchResult
 from uqpen.execution.failures import FailurePolicy
 

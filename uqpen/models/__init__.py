@@ -10,10 +10,10 @@ MODELS = {
     "walker-anderson-drucker-prager": (
         "uqpen.models.walker_anderson_drucker_prager:WalkerAndersonDruckerPrager"
     ),
-    "rigid-penetration": "uqpen.models.rigid_penetration:RigidPenetration",
+    "rigid-penetration": "uqpen.models.rod_models:RigidPenetration",
     "rigid-penetration-trajectory": "uqpen.models.rod_trajectories:RigidPenetrationTrajectory",
-    "alekseevskii-tate": "uqpen.models.alekseevskii_tate:AlekseevskiiTate",
-    "hydrodynamic-limit": "uqpen.models.hydrodynamic_limit:HydrodynamicLimit",
+    "alekseevskii-tate": "uqpen.models.rod_models:AlekseevskiiTate",
+    "hydrodynamic-limit": "uqpen.models.rod_models:HydrodynamicLimit",
     "ishigami": "uqpen.models.known_functions:Ishigami",
     "campbell-1d": "uqpen.models.known_functions:Campbell",
 }

@@ -24,11 +24,6 @@ def compiled(signature: str) -> Callable[[Function], Function]:
 
     Processes may do so at the same time. Of one signature they keep the same code under one name;
     of several, Numba could give the name of one to the code of another.
-
-    Parameters
-    ----------
-    signature : str
-        Types of the result and of the arguments, as Numba writes them.
     """
     options: dict[str, Any] = {"error_model": "numpy", "nogil": True}
 

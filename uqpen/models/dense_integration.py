@@ -65,32 +65,16 @@ class Steps(NamedTuple):
     terms: FloatArray
 
     def states(self, step: IntArray, part: FloatArray) -> FloatArray:
-        """Return states inside steps.
+        """Return states inside steps, shape (variable, place).
 
-        Parameters
-        ----------
-        step : ndarray of int, shape (place,)
-            Positions of the steps.
-        part : ndarray, shape (place,)
-            Part of the step that has passed, from 0 to 1.
-
-        Returns
-        -------
-        ndarray, shape (variable, place)
+        A part of a step, from 0 to 1, has passed at each place.
         """
         return _interpolate(self.before[:, step], self.terms[..., step], part)
 
     def parts_at(self, step: IntArray, variable: int, values: FloatArray) -> FloatArray:
         """Return the part of each step after which a variable has a value (Illinois method).
 
-        Parameters
-        ----------
-        step : ndarray of int, shape (place,)
-            Positions of the steps.
-        variable : int
-            The variable.
-        values : ndarray, shape (place,)
-            Between those at the ends of the step.
+        The values lie between those at the ends of the step.
         """
         start, terms = self.before[variable, step], self.terms[:, variable, step]
         old, new = np.zeros(step.size), np.ones(step.size)

@@ -87,10 +87,7 @@ class Dependencies:
     def add_reported(self, lines: Collection[str]) -> None:
         """Add what runs in any process have reported.
 
-        Raises
-        ------
-        ModelError
-            If a file or variable is another one now.
+        ModelError if a file or variable is another one now.
         """
         for each in sorted({Dependency.from_line(line) for line in lines}):
             if each in self._in_run or each in self._at_loading:
@@ -135,15 +132,7 @@ class Dependencies:
 
 
 def current_sha256(dependency: Dependency, folder: Path) -> str:
-    """Return the hash of a file, a module or a variable as it is now; empty where it is not there.
-
-    Parameters
-    ----------
-    dependency : Dependency
-        One with a hash.
-    folder : Path
-        Folder of the study.
-    """
+    """Return the hash of a file, a module or a variable as it is now; empty where it is gone."""
     if dependency.role == ENVIRONMENT:
         return value_sha256(dependency.name, os.environ.get(dependency.name))
     if dependency.role != MODULE:

@@ -101,15 +101,8 @@ class _UnknownSourceError(Exception):
 def function_source(function: Callable[..., Any]) -> FunctionSource:
     """Return the source of a function, also of one defined in a notebook or in a function.
 
-    Parameters
-    ----------
-    function : callable
-        It is read, not called.
-
-    Returns
-    -------
-    FunctionSource
-        Its hash is the same in every process and whatever the lines around the definition.
+    The function is not called. Its hash is the same in every process and whatever the lines around
+    the definition.
     """
     name = getattr(function, "__qualname__", type(function).__name__).rpartition(".")[2]
     name = name.replace("<lambda>", "lambda")
@@ -136,10 +129,7 @@ def _parts(value: object, label: str, seen: dict[int, int]) -> Iterator[bytes]:
     Types are compared exactly: what a subclass adds is not known. `seen` has the number of each
     value that may contain itself.
 
-    Raises
-    ------
-    _UnknownSourceError
-        If it has none, so two values of this kind cannot be distinguished.
+    _UnknownSourceError if it has none, so two values of this kind cannot be distinguished.
     """
     kind = type(value)
     if kind in _CONSTANTS:

@@ -152,18 +152,13 @@ def reachable_modules(
 ) -> dict[str, ModuleType]:
     """Return those of some modules that sources import, by any statement, or that these import.
 
-    Parameters
-    ----------
-    sources : iterable of (str, bytes)
-        Sources, each with the name of its package.
-    candidates : dict of str to module
-        Modules by name.
+    Each source comes with the name of its package.
     """
     found: dict[str, ModuleType] = {}
     waiting = list(sources) if candidates else []
     while waiting:
         package, source = waiting.pop()
-        for name in _imported_names(source, package):
+        for name in imported_names(source, package):
             if name in candidates and name not in found:
                 found[name] = candidates[name]
                 own = str(_module_attributes(candidates[name]).get("__package__") or "")
@@ -174,7 +169,7 @@ def reachable_modules(
     return found
 
 
-def _imported_names(source: bytes, package: str) -> Iterator[str]:
+def imported_names(source: bytes, package: str) -> Iterator[str]:
     """Yield the modules that a source may import, with the packages that they are in."""
     try:
         nodes = list(ast.walk(ast.parse(source)))

@@ -107,10 +107,7 @@ class Observation:
     def dependencies(self, folder: str) -> Iterator[tuple[Dependency, str]]:
         """Yield what was observed, with hashes as of now and the path of each file.
 
-        Parameters
-        ----------
-        folder : str
-            Folder of the study, which names are relative to.
+        Names are relative to the folder of the study.
         """
         for role, paths in ((OPENED, self._opened), (LIBRARY, self._libraries)):
             for path in sorted(paths):

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from uqpen.core.arrays import Arrays, FloatArray
+from uqpen.core.arrays import Arrays
 from uqpen.core.files import FileSnapshot
 from uqpen.core.limits import Limits
-from uqpen.core.model import Input, Output, Results, empty_outputs
-from uqpen.core.status import Status
+from uqpen.core.model import Input, Output, Results, RunOutcome, joined_outcomes
 from uqpen.core.units import scale
 from uqpen.models.dependencies import Dependencies
 from uqpen.models.function_source import FunctionSource
@@ -27,13 +24,10 @@ from uqpen.models.user_code import (
     pickle_by_value,
     restore_streams,
 )
-from uqpen.models.user_defined_model import FailedRun, UserModel, batch_results
+from uqpen.models.user_defined_model import UserModel, batch_results
 from uqpen.models.user_module import line_in_function, load_function
 
 __all__ = ["PythonFunction", "check_inputs"]
-
-
-_CallResult = dict[str, FloatArray] | FailedRun
 
 
 @dataclass(frozen=True)
@@ -83,21 +77,10 @@ class PythonFunction(UserModel):
             name: scale(self.units[name]).from_si(values) for name, values in inputs.items()
         }
         runs = len(next(iter(inputs.values())))
-        outputs = empty_outputs(self.outputs, runs)
-        status = np.full(runs, Status.OK, dtype=np.int8)
-        reasons: dict[int, str] = {}
         with restore_streams(), self.in_folder():
-            for batch, answer in self._batch_results(arguments, runs):
-                if isinstance(answer, FailedRun):
-                    status[batch] = answer.status
-                    reasons[batch.start] = answer.reason
-                    continue
-                for name, values in answer.items():
-                    outputs[name][batch] = values
-        for output in self.outputs:
-            measure = scale(self.units[output.name])
-            outputs[output.name] = measure.array_to_si(outputs[output.name])
-        return Results(outputs, status, reasons, self.record.lines_of_runs)
+            outcomes = self._outcomes(arguments, runs)
+            results = joined_outcomes(outcomes, self.outputs, self.units, runs)
+        return replace(results, files=self.record.lines_of_runs)
 
     def files(self) -> tuple[FileSnapshot, ...]:
         return (*self.record.files(), *self.fields.files)
@@ -116,7 +99,7 @@ class PythonFunction(UserModel):
             return _unpickle, (function, *declared, None, limits, self.source, fields, observed)
         return _restore, (self.surroundings.folder, *declared, self.enforced_limits, fields)
 
-    def _batch_results(self, arguments: Arrays, runs: int) -> Iterator[tuple[slice, _CallResult]]:
+    def _outcomes(self, arguments: Arrays, runs: int) -> Iterator[tuple[slice, RunOutcome]]:
         """Yield for each batch of runs its outputs, or the reason why it has none."""
         if self.vectorized:
             yield from batch_results(
@@ -132,12 +115,12 @@ class PythonFunction(UserModel):
             one = {name: column[run] for name, column in columns.items()}
             yield slice(run, run + 1), self._call(one, None)
 
-    def _call(self, arguments: Mapping[str, Any], runs: int | None) -> _CallResult:
+    def _call(self, arguments: Mapping[str, Any], runs: int | None) -> RunOutcome:
         """Return the outputs of one call, or the reason why there are none."""
         try:
             with ending_forks():
                 returned = self.function(**arguments)
-            return extract_outputs(returned, self.outputs, runs, self.fields.grids)
+            return RunOutcome(extract_outputs(returned, self.outputs, runs, self.fields.grids))
         except BaseException as error:  # any exception of a black box is data
             return self.failed_run(error)
 

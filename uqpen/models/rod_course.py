@@ -1,12 +1,7 @@
 """The course of one rod in its target by the Walker-Anderson model, from impact to rest.
 
 One run, carefully: independent of the lanes that integrate whole batches, and a check of them.
-
-References
-----------
-Soleng, H. H. & Svinsås, E. (2001). Penetration modelling with uncertainty quantification using the
-Walker-Anderson model. FFI/RAPPORT-2000/05876. Its equation numbers stand in brackets; its (2.9) is
-used with (2 - ε), as (2.4) and (2.8) give it.
+Numbers in brackets are those of equations, as in `uqpen.models.rod_motion`.
 """
 
 from __future__ import annotations
@@ -123,22 +118,7 @@ def erosion_slopes(state: FloatArray, rod: FloatArray) -> FloatArray:
 
 
 def trajectory(rod: Rods, *, depths: int = DEPTHS, tolerance: float = 1e-10) -> Trajectory:
-    """Follow one run from impact to rest.
-
-    Parameters
-    ----------
-    rod : Rods
-        What `make_rod` returns.
-    depths : int
-        How many depths to give the course at.
-    tolerance : float
-        Relative error allowed to a step of the integration.
-
-    Raises
-    ------
-    TrajectoryError
-        If the integration does not reach the end of erosion.
-    """
+    """Follow one run from impact to rest; TrajectoryError if erosion does not end."""
     steps, (u, x, L, z), end = integrate_erosion(rod, tolerance)
     inertia, resistance = float(rod.density_ratio * L + rod.added_length), float(rod.resistance)
     rest = z + inertia * math.log1p(u**2 / resistance)
@@ -166,14 +146,7 @@ def _course_of_erosion(steps: Steps | None, depth: FloatArray, rod: Rods) -> tup
 def integrate_erosion(
     rod: Rods, tolerance: float
 ) -> tuple[Steps | None, tuple[float, float, float, float], float]:
-    """Integrate from impact to v = u or u = 0, whichever is first.
-
-    Parameters
-    ----------
-    rod : Rods
-        What `make_rod` returns.
-    tolerance : float
-        Relative error allowed to a step, and to a hundredth of a variable's scale.
+    """Integrate from impact to v = u or u = 0, whichever is first; TrajectoryError if neither is.
 
     Returns
     -------
@@ -183,11 +156,6 @@ def integrate_erosion(
         u, x, L and z at the end: u or x is 0.
     time : float
         The end, s.
-
-    Raises
-    ------
-    TrajectoryError
-        If neither is reached.
     """
     v0, L0 = float(rod.impact_velocity), float(rod.length)
     at_impact, constants = np.array([[v0, 0.0, L0, 0.0]]).T, np.array([rod]).T
@@ -208,29 +176,11 @@ def integrate_erosion(
 def rigid_motion(
     depth: FloatArray, rest: float, u0: float, inertia: float, resistance: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the motion of a rigid rod that comes to rest.
+    """Return the time, s, and the velocity of a rigid rod at depths, m, until it comes to rest.
 
-    Parameters
-    ----------
-    depth : ndarray, shape (depth,)
-        m.
-    rest : float
-        The depth at which it stops, m.
-    u0 : float
-        Its velocity where it begins to be rigid, m s-1.
-    inertia : float
-        K: its length times the ratio of densities, and the length of target moved along, m.
-    resistance : float
-        B: of the target, over its density, m2 s-2.
-
-    Returns
-    -------
-    time, velocity : ndarray, shape (depth,)
-        Since it is rigid, s; m s-1.
-
-    Notes
-    -----
-    With u = v, (2.16) is 2 K du/dt = -(u² + B), K the inertia and B the resistance.
+    With u = v, (2.16) is 2 K du/dt = -(u² + B): the inertia K, m, is the length times the ratio of
+    densities, and the length of target moved along; the resistance B, m2 s-2, is that of the
+    target, over its density. The time is since it is rigid, with the velocity u0.
     """
     u = np.sqrt(resistance * special.expm1((rest - depth) / inertia))
     root = math.sqrt(resistance)

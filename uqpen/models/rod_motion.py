@@ -227,15 +227,6 @@ class Curves:
 def follow_erosion(rods: Rods, curves: Sequence[Curves], tolerance: float) -> FloatArray:
     """Fill curves in until erosion ends, and return the states there.
 
-    Parameters
-    ----------
-    rods : Rods
-        The constants of the equations.
-    curves : sequence of Curves
-        Of these rods.
-    tolerance : float
-        Relative error allowed to a step of the integration.
-
     Returns
     -------
     ndarray, shape (5, run)
@@ -295,18 +286,9 @@ def is_over(state: FloatArray) -> BoolArray:
 def _places(
     coordinates: FloatArray, first: FloatArray, behind: FloatArray
 ) -> tuple[IntArray, IntArray]:
-    """Return each pair of an interval and a place whose coordinate is in it.
+    """Return each pair of an interval and a place whose ascending coordinate is in it.
 
-    Parameters
-    ----------
-    coordinates : ndarray, shape (place,)
-        In ascending order.
-    first, behind : ndarray, shape (interval,)
-        Ends of half-open intervals; NaN where there is none.
-
-    Returns
-    -------
-    interval, place : ndarray of int, shape (pair,)
+    The intervals are half-open; their ends are NaN where there is none.
     """
     start = np.searchsorted(coordinates, first)
     count = np.searchsorted(coordinates, behind) - start

@@ -61,26 +61,13 @@ class RunGrid:
     def interpolate(
         self, output: Output, values: FloatArray, coordinates: Mapping[str, FloatArray]
     ) -> FloatArray:
-        """Return an output of one run at the declared coordinates.
+        """Return an output of one run at the declared coordinates, of shape (*dims).
 
-        Parameters
-        ----------
-        output : Output
-            The output as it is declared.
-        values : ndarray
-            Its values in the run, an axis for each dimension.
-        coordinates : mapping of str to ndarray, shape (step,)
-            The run's own coordinates, by dimension, in their units.
+        It has values along the run's own coordinates, by dimension, in their units. The result is
+        NaN beyond the end of a curve that may end.
 
-        Returns
-        -------
-        ndarray, shape (*dims)
-            NaN beyond the end of a curve that may end.
-
-        Raises
-        ------
-        UnusableOutputError
-            If the run's grid does not ascend or is too short, or a value on it is no number.
+        UnusableOutputError if the run's grid does not ascend or is too short, or a value on it is
+        no number.
         """
         for axis, dimension in enumerate(output.dims):
             if dimension.name not in self.names:
@@ -229,20 +216,11 @@ _SAME_PLACE = 1e-9
 def in_declared_order(value: Any, output: Output, own: Collection[str] = ()) -> Any:
     """Return a labelled array in the order of an output's dimensions and of their coordinates.
 
-    Parameters
-    ----------
-    value : object
-        An xarray DataArray, or anything else, which stays as it is. Further dimensions come before
-        those of the output.
-    output : Output
-        The output as it is declared.
-    own : collection of str
-        The dimensions along which the run has a grid of its own, which it returns by itself.
+    Anything else stays as it is. Further dimensions come before those of the output. Along some
+    dimensions, the run may have a grid of its `own`.
 
-    Raises
-    ------
-    UnusableOutputError
-        If the array has coordinates along a declared dimension, and these are others than declared.
+    UnusableOutputError if the array has coordinates along a declared dimension, and these are
+    others than declared.
     """
     declared = [dimension.name for dimension in output.dims]
     names = getattr(value, "dims", ())
@@ -300,28 +278,12 @@ def extract_outputs(
     runs: int | None,
     grids: Mapping[str, RunGrid] = _NO_GRIDS,
 ) -> dict[str, FloatArray]:
-    """Return the declared outputs in the value that a function returned.
+    """Return the declared outputs in the value that a function returned, in its units.
 
-    Parameters
-    ----------
-    returned : object
-        The value.
-    outputs : sequence of Output
-        The declared outputs.
-    runs : int or None
-        The number of runs of a vectorised call; None for a call that makes one run.
-    grids : mapping of str to RunGrid
-        By output, the grid of one run that it is returned on.
+    The `runs` are those of a vectorised call, None for a call that makes one run.
 
-    Returns
-    -------
-    dict of str to ndarray, shape (run, *dims) or (*dims,)
-        By output, in the units of the function.
-
-    Raises
-    ------
-    UnusableOutputError
-        If an output is missing, is not of numbers, or has another shape than declared.
+    UnusableOutputError if an output is missing, is not of numbers, or has another shape than
+    declared.
     """
     if not isinstance(returned, Mapping):
         text = f"returned {type(returned).__name__}, not a mapping of outputs"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import functools
 import hashlib
 import importlib.metadata
@@ -61,21 +60,12 @@ def source_sha256(module: str) -> str:
 
 def _imported_modules(source: bytes) -> Iterator[str]:
     """Yield the modules of this package that a source imports anywhere."""
-    if _PACKAGE.encode() not in source and b"from ." not in source:
-        return
-    for node in ast.walk(ast.parse(source)):
-        names: list[str] = []
-        if isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom):
-            base = node.module or ""
-            if node.level:
-                base = f"{_PACKAGE}.{base}".rstrip(".")
-            names = [base, *(f"{base}.{alias.name}" for alias in node.names)]
-        for name in names:
-            stem = name.removeprefix(f"{_PACKAGE}.")
-            if stem != name and _path(stem).is_file():
-                yield stem
+    from uqpen.models.installed import imported_names
+
+    for name in imported_names(source, _PACKAGE):
+        stem = name.removeprefix(f"{_PACKAGE}.")
+        if stem != name and _path(stem).is_file():
+            yield stem
 
 
 def _path(name: str) -> Path:

@@ -117,10 +117,7 @@ class ModelFolder(Dependencies):
     def add_reported(self, lines: Collection[str]) -> None:
         """Add what runs in any process have reported.
 
-        Raises
-        ------
-        ModelError
-            If something of it differs from that here.
+        ModelError if something of it differs from that here.
         """
         if lines == self._reported:
             return

@@ -22,7 +22,7 @@ from uqpen.core.arrays import Arrays, FloatArray, floats
 from uqpen.core.errors import toml_text
 from uqpen.core.files import FileSnapshot
 from uqpen.core.limits import Limits
-from uqpen.core.model import Input, Model, Output, Results, empty_outputs
+from uqpen.core.model import Input, Model, Output, Results, RunOutcome, joined_outcomes
 from uqpen.core.status import Status
 from uqpen.core.units import scale
 from uqpen.models.run_grid import FieldSources
@@ -62,10 +62,7 @@ class Deadline:
     def apply(self, connection: socket.socket) -> None:
         """Limit the next operation of a connection to the time left.
 
-        Raises
-        ------
-        TimeoutError
-            If no time is left.
+        TimeoutError if no time is left.
         """
         left = self.at - time.monotonic()
         if left <= 0.0:
@@ -165,10 +162,7 @@ class Address:
     def parse(cls, text: str) -> Address:
         """Parse the address in a text such as ``"http://127.0.0.1:4242"``.
 
-        Raises
-        ------
-        ValueError
-            If it is none, or has a part that a study should not contain: a password, say.
+        ValueError if it is none, or has a part that a study should not contain: a password, say.
         """
         parts = urlsplit(text)
         host = (parts.hostname or "").encode("idna").decode("ascii")
@@ -205,10 +199,7 @@ class UmbridgeClient:
 
         The body must be convertible to JSON; without a body, a GET request is sent.
 
-        Raises
-        ------
-        NoAnswerError
-            If there is no answer, or it is an error.
+        NoAnswerError if there is no answer, or it is an error.
         """
         try:
             code, phrase, content = self._exchange(what, body)
@@ -365,23 +356,12 @@ class UmbridgeModel(Model):
     def evaluate(self, inputs: Arrays) -> Results:
         columns = [scale(self.units[v.name]).from_si(inputs[v.name]) for v in self.inputs]
         points = np.stack(columns, axis=1).tolist()
-        outputs = empty_outputs(self.outputs, len(points))
-        sizes = [math.prod(output.shape) for output in self.outputs]
-        status = np.full(len(points), Status.OK, dtype=np.int8)
-        reasons: dict[int, str] = {}
         with UmbridgeClient(self.address, self.time_limit) as server:
-            for run, point in enumerate(points):
-                try:
-                    values = self._request_outputs(server, point)
-                except NoAnswerError as error:
-                    status[run], reasons[run] = error.status, str(error)
-                    continue
-                parts = np.split(values, np.cumsum(sizes)[:-1])
-                for output, part in zip(self.outputs, parts, strict=True):
-                    outputs[output.name][run] = part.reshape(output.shape)
-        for name, column in outputs.items():
-            outputs[name] = scale(self.units[name]).array_to_si(column)
-        return Results(outputs, status, reasons)
+            outcomes = (
+                (slice(run, run + 1), self._request_outcome(server, point))
+                for run, point in enumerate(points)
+            )
+            return joined_outcomes(outcomes, self.outputs, self.units, len(points))
 
     def files(self) -> tuple[FileSnapshot, ...]:
         return self.fields.files
@@ -393,6 +373,15 @@ class UmbridgeModel(Model):
     def identity(self) -> dict[str, str]:
         config = {"config": self.config} if self.config != "{}" else {}
         return {"name": self.name, "kind": "UM-Bridge", **config}
+
+    def _request_outcome(self, server: UmbridgeClient, point: list[float]) -> RunOutcome:
+        try:
+            values = self._request_outputs(server, point)
+        except NoAnswerError as error:
+            return RunOutcome.failed(str(error), error.status)
+        sizes = [math.prod(output.shape) for output in self.outputs]
+        parts = zip(self.outputs, np.split(values, np.cumsum(sizes)[:-1]), strict=True)
+        return RunOutcome({each.name: part.reshape(each.shape) for each, part in parts})
 
     def _request_outputs(self, server: UmbridgeClient, point: list[float]) -> FloatArray:
         """Request the outputs of one run, in the server's units."""

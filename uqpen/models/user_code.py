@@ -98,10 +98,7 @@ def check_signature(
 ) -> None:
     """Check that a function takes these arguments; nothing is called.
 
-    Raises
-    ------
-    ModelError
-        If it does not: its signature, the refusal, and what is wrong with the arguments.
+    ModelError if it does not: its signature, the refusal, and what is wrong with the arguments.
     """
     try:
         signature = inspect.signature(function)
@@ -119,10 +116,7 @@ def pickle_by_value(value: object) -> bytes:
 
     Only processes that this one has started read it, from the pipe to them.
 
-    Raises
-    ------
-    ModelError
-        If it refers to something that exists in this process only.
+    ModelError if it refers to something that exists in this process only.
     """
     import cloudpickle
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from uqpen.core.files import FileSnapshot
 from uqpen.core.interrupts import is_user_interrupt
 from uqpen.core.limits import Limits
 from uqpen.core.lookup import package_version
-from uqpen.core.model import Input, Model, Output, Results, empty_outputs
+from uqpen.core.model import Input, Model, Output, Results, RunOutcome, empty_outputs
 from uqpen.core.status import Status
 from uqpen.models.dependencies import Dependencies
 from uqpen.models.function_source import FunctionSource
@@ -39,14 +39,7 @@ from uqpen.models.user_module import line_in_folder, load_module
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["FailedRun", "UserDefinedModel", "UserModel", "batch_results"]
-
-
-class FailedRun(NamedTuple):
-    """Run without outputs: its reason and its status."""
-
-    reason: str
-    status: Status = Status.FAILED
+__all__ = ["UserDefinedModel", "UserModel", "batch_results"]
 
 
 Answer = TypeVar("Answer")
@@ -106,13 +99,13 @@ class UserModel(Model):
         """Return the context in which its code is called."""
         return self.surroundings.on_import_path() if self.surroundings else contextlib.nullcontext()
 
-    def failed_run(self, error: BaseException) -> FailedRun:
+    def failed_run(self, error: BaseException) -> RunOutcome:
         """Return the run whose call has ended by an exception; Ctrl-C is raised again."""
         if isinstance(error, UnusableOutputError):
-            return FailedRun(one_line(str(error)), error.status)
+            return RunOutcome.failed(one_line(str(error)), error.status)
         if is_user_interrupt(error):
             raise error
-        return FailedRun(error_text(error) + self.failed_line(error))
+        return RunOutcome.failed(error_text(error) + self.failed_line(error))
 
     def failed_line(self, error: BaseException) -> str:
         """Return the line of the user's code that an exception comes from; empty if unknown."""
@@ -120,8 +113,8 @@ class UserModel(Model):
 
 
 def batch_results(
-    call: Callable[[slice], Answer | FailedRun], runs: int
-) -> Iterator[tuple[slice, Answer | FailedRun]]:
+    call: Callable[[slice], Answer | RunOutcome], runs: int
+) -> Iterator[tuple[slice, Answer | RunOutcome]]:
     """Yield the answers for parts of a batch, in order: one bad run must not spoil it.
 
     A part is halved as long as its call fails, until the bad run is alone.
@@ -130,7 +123,8 @@ def batch_results(
     while batches:
         batch = batches.pop()
         answer = call(batch)
-        if isinstance(answer, FailedRun) and batch.stop - batch.start > 1:
+        is_failed = isinstance(answer, RunOutcome) and answer.status != Status.OK
+        if is_failed and batch.stop - batch.start > 1:
             middle = (batch.start + batch.stop) // 2
             batches += [slice(middle, batch.stop), slice(batch.start, middle)]
         else:
@@ -217,7 +211,7 @@ class UserDefinedModel(UserModel):
         reasons: dict[int, str] = {}
         files = self.record.lines_of_runs
 
-        def call(batch: slice) -> Results | FailedRun:
+        def call(batch: slice) -> Results | RunOutcome:
             some = {name: values[batch].copy() for name, values in inputs.items()}
             try:
                 with ending_forks():
@@ -228,7 +222,7 @@ class UserDefinedModel(UserModel):
 
         with self._in_context("evaluate"):
             for batch, answer in batch_results(call, runs):
-                if isinstance(answer, FailedRun):
+                if isinstance(answer, RunOutcome):
                     reasons[batch.start] = answer.reason
                     continue
                 for name, values in answer.outputs.items():
@@ -284,10 +278,7 @@ class UserDefinedModel(UserModel):
     def _checked(self, returned: object, runs: int) -> Results:
         """Return results with the declared outputs of each run.
 
-        Raises
-        ------
-        UnusableOutputError
-            If they are no `Results`, or differ from what the class declares.
+        UnusableOutputError if they are no `Results`, or differ from what the class declares.
         """
         if not isinstance(returned, Results):
             raise UnusableOutputError(f"returned {type(returned).__name__}, not Results")

@@ -38,22 +38,11 @@ __all__ = [
 def load_function(reference: str, folder: Path) -> tuple[Callable[..., Any], ModelFolder]:
     """Load the function of ``"file.py:function"`` or ``"package.module:function"``.
 
-    Parameters
-    ----------
-    reference : str
-        A path ends in ``.py`` and is relative to `folder`; anything else is an importable module.
-    folder : Path
-        Folder of the study file; modules beside it can be imported.
+    A path ends in ``.py`` and is relative to the folder of the study, whose modules can be
+    imported; anything else is an importable module. The function must be called in the folder that
+    comes with it.
 
-    Returns
-    -------
-    function, surroundings
-        The function, and the folder that it must be called in.
-
-    Raises
-    ------
-    ModelError
-        If there is no such function, or importing it fails.
+    ModelError if there is no such function, or importing it fails.
     """
     module, name, surroundings = load_module(reference, folder)
     return find_function(module, name, reference), surroundings
@@ -73,17 +62,9 @@ def find_function(module: ModuleType, name: str, reference: str) -> Callable[...
 def load_module(
     reference: str, folder: Path, form: str = "my_model.py:function"
 ) -> tuple[ModuleType, str, ModelFolder]:
-    """Load the module of a reference such as those of `load_function`.
+    """Load the module of a reference, with the name after the colon and the module's folder.
 
-    Returns
-    -------
-    module, name, surroundings
-        The module, the name after the colon, and the folder that the module belongs to.
-
-    Raises
-    ------
-    ModelError
-        If the reference is not of the form, there is no such module, or importing it fails.
+    ModelError if the reference is not of the form, there is no such module, or importing it fails.
     """
     where, _, name = reference.rpartition(":")
     if not where or not name:
@@ -98,22 +79,12 @@ def load_module(
 
 
 def module_coordinates(module: ModuleType, name: str, surroundings: ModelFolder) -> FloatArray:
-    """Return the coordinates that a module has under a name.
+    """Return the coordinates that a module of a model has under a name.
 
-    Parameters
-    ----------
-    module : module
-        The module of a model's function.
-    name : str
-        The name of a list, an array, or a function without arguments that returns one.
-    surroundings : ModelFolder
-        The folder that the module belongs to.
+    They are a list, an array, or a function without arguments that returns one.
 
-    Raises
-    ------
-    ModelError
-        If there is no such name, the function fails, or what it has are no numbers along one
-        dimension.
+    ModelError if there is no such name, the function fails, or what it has are no numbers along one
+    dimension.
     """
     if not hasattr(module, name):
         raise ModelError(f'"{name}", which is not there')
@@ -170,13 +141,9 @@ _LONGEST_LINE = 80
 def line_in_folder(error: BaseException, folder: ModelFolder) -> str:
     """Return the innermost line of a folder's modules in the traceback of an exception.
 
-    The file is named as in the folder, so the text is the same wherever the folder is. The
+    It is a text such as `` (beam.py, line 7: return force / area)``, empty where no module is
+    there. The file is named as in the folder, so the text is the same wherever the folder is. The
     traceback is removed from the exception: an exception that is raised again adds to it.
-
-    Returns
-    -------
-    str
-        Such as `` (beam.py, line 7: return force / area)``; empty where no module is there.
     """
     for code, number in reversed(_lines(error)):
         content = folder.module_content(code.co_filename)
@@ -266,10 +233,7 @@ class UserDefinedFunction:
     def in_context(self) -> Iterator[None]:
         """Provide the context of a call; any exception in it becomes an error with its reference.
 
-        Raises
-        ------
-        UqpenError
-            Of the class `error`, with the exception and its line in one sentence.
+        The error, of the class `error`, has the exception and its line in one sentence.
         """
         place = self.surroundings.on_import_path() if self.surroundings else None
         try:
@@ -307,15 +271,9 @@ class FunctionFamily(NamedTuple):
     error: type[UqpenError]
 
     def find(self, named: str | Callable[..., Any], folder: Path) -> UserDefinedFunction:
-        """Return the function with a name or a reference.
+        """Return the function with a name or a reference, or a function itself.
 
-        Parameters
-        ----------
-        named : str or callable
-            Name of a built-in or installed member, a reference such as ``"my_file.py:function"``
-            or ``"package.module:function"``, or the function itself.
-        folder : Path
-            Folder to which the path of a file is relative.
+        The path of a file is relative to the folder.
 
         Raises
         ------

@@ -104,18 +104,10 @@ class WalkerAnderson(RodModel):
         return Results(outputs, status, reasons)
 
     def trajectory(self, inputs: Mapping[str, float]) -> xr.Dataset:
-        """The course of one run against depth.
+        """The course of one run against depth, from the surface to where the rod stops.
 
-        Parameters
-        ----------
-        inputs : mapping of str to float
-            SI values.
-
-        Returns
-        -------
-        Dataset
-            ``time``, ``nose_velocity``, ``tail_velocity``, ``length`` and ``plastic_extent`` along
-            ``penetration_depth``, from the surface to where the rod stops.
+        It has ``time``, ``nose_velocity``, ``tail_velocity``, ``length`` and ``plastic_extent``
+        along ``penetration_depth``. The inputs are SI values.
         """
         from uqpen.models.rod_course import make_rod, trajectory, trajectory_dataset
 

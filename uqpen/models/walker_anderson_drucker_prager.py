@@ -128,14 +128,7 @@ def plastic_extent(
 ) -> FloatArray:
     """Return the outer radius S of plastic flow around a cavity opened from nothing, m.
 
-    Parameters
-    ----------
-    crater_radius : ndarray, shape (run,)
-        R, m.
-    yield_limit : ndarray
-        At zero pressure, Y0, Pa.
-    shear_modulus : ndarray
-        G, Pa, above Y0/6.
+    The yield limit is that at zero pressure, Y0; the shear modulus is above Y0/6.
     """
     strain = yield_limit / (6 * shear_modulus)  # (8)
     return crater_radius / special.cbrt(strain * (3 - strain * (3 - strain)))  # (9)
@@ -146,14 +139,8 @@ def effective_yield_limit(
 ) -> FloatArray:
     """Return the constant yield limit with the same resistance, Pa.
 
-    Parameters
-    ----------
-    logarithm : ndarray, shape (run,)
-        ln(S/R).
-    lowest, highest : ndarray
-        Yield limit at zero pressure and at high pressure, Y0 ≤ Y1, Pa.
-    slope : ndarray
-        Its rise per pressure between them, k.
+    The logarithm is ln(S/R). The limit rises by the slope k per pressure, from the lowest at zero
+    pressure, Y0, to the highest, Y1.
     """
     growth = 7 * slope / (3 + 2 * slope)  # (5)
     # From the outer boundary inwards the limit rises over this part of ln(S/R).

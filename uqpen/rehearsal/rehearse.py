@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from uqpen.benchmark.statistics import BenchmarkStatistic, benchmark_statistics
+from uqpen.benchmark.methods import BenchmarkStatistic, benchmark_statistics
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.catalogue import CATALOGUE, MEASURES
 from uqpen.core.errors import Problem, SettingsError, WorkerError, toml_text

@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.read import group_names, model_trees, open_archive, read_group
-from uqpen.benchmark.statistics import BenchmarkStatistic, Estimates
+from uqpen.benchmark.methods import BenchmarkStatistic, Estimates
 from uqpen.core.arrays import FloatArray
 from uqpen.core.blocks import LoadedDataset
 from uqpen.core.errors import ArchiveError, ModelError, Problem, SettingsError, UnknownNameError
@@ -264,25 +264,21 @@ def surrogate_truth(
         }
         for quantity in quantities
     }
-    return [_exact_moment(draws, each, each.estimates(found)) for each in statistics]
+    truth = []
+    for statistic in statistics:
+        values = statistic.estimates(found)
+        forms = draws.closed_forms_of_output(statistic.output)
+        if forms is not None and statistic.name in ("mean", "std"):
+            mean, std = forms.closed_form_moments(statistic.output)
+            values = np.full(values.shape, mean if statistic.name == "mean" else std)
+        truth.append(values)
+    return truth
 
 
 def large_sample(study: ValidatedStudy, draws: int) -> xr.Dataset:
     """Return runs of the only model of a study at a large sample of its inputs."""
     stream = Stream(study.seed, "rehearsal", "truth")
     return run_once(study, SobolSequence(draws, _REPLICATES), stream)
-
-
-def _exact_moment(
-    draws: SurrogateDraws, statistic: BenchmarkStatistic, sampled: FloatArray
-) -> FloatArray:
-    """Return a mean or standard deviation from closed forms if there are any, else as sampled."""
-    forms = draws.closed_forms_of_output(statistic.output)
-    if forms is None or statistic.name not in ("mean", "std"):
-        return sampled
-    mean, std = forms.closed_form_moments(statistic.output)
-    value = mean if statistic.name == "mean" else std
-    return np.full(sampled.shape, value)
 
 
 # Tail of an output beyond the training range of its surrogate, and what hangs on it.

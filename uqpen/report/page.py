@@ -43,15 +43,10 @@ __all__ = [
     "block_anchors",
     "colour_name",
     "find_sections",
-    "page_facts",
     "page_heading",
-    "page_library",
     "page_reference",
-    "page_script",
-    "page_style",
     "render_page",
     "report_page",
-    "script_hash",
     "write_page",
     "write_report",
 ]
@@ -67,11 +62,6 @@ def page_heading(tree: xr.DataTree) -> str:
     """The title of an archive's page."""
     title = _cut_text(str(tree.attrs.get("title", "")).strip()) or "A study without a title"
     return f"{title}: benchmark of methods" if is_benchmark(tree) else title
-
-
-def page_facts(tree: xr.DataTree) -> list[str]:
-    """Study, model, number of runs, and version of uqpen."""
-    return [_cut_text(text) for text in _all_facts(tree) if text.strip()]
 
 
 def _all_facts(tree: xr.DataTree) -> Iterator[str]:
@@ -144,11 +134,6 @@ def block_anchors(sections: Iterable[tuple[str, Iterable[Block]]]) -> dict[int, 
 
     A name is made of the section, the headings above, and the title, so it stays the same while the
     page around it changes.
-
-    Parameters
-    ----------
-    sections : iterable of tuple
-        The name of each section, and its blocks.
     """
     found: dict[int, str] = {}
     taken: set[str] = set()
@@ -216,28 +201,6 @@ _SCRIPTS = (
     "images.js",
     "page.js",
 )
-
-
-def page_style() -> str:
-    """The style sheet."""
-    return "".join((_ASSETS / name).read_text("utf-8") for name in _STYLES)
-
-
-def page_script() -> str:
-    """The page's own script, made of its parts."""
-    parts = "\n".join((_ASSETS / name).read_text("utf-8") for name in _SCRIPTS)
-    return f'"use strict";\n(() => {{\n{parts}}})();\n'
-
-
-def page_library() -> str:
-    """The library that draws charts."""
-    return _LIBRARY.read_text("utf-8")
-
-
-def script_hash(text: str) -> str:
-    """Return the hash of a script, for the page's policy."""
-    digest = hashlib.sha256(text.encode("utf-8")).digest()
-    return f"sha256-{base64.b64encode(digest).decode('ascii')}"
 
 
 # Legend symbols of marks, as Plotly draws them.
@@ -311,13 +274,7 @@ class UserDefinedSection(NamedTuple):
         return ReportSection(title, function.introduction, function.reference)
 
     def blocks(self, view: ArchiveView) -> list[Block]:
-        """Return its blocks for a part of an archive.
-
-        Raises
-        ------
-        ReportError
-            If the function fails, or yields something else.
-        """
+        """Return its blocks for an archive; a ReportError if it fails, or yields something else."""
         with self.function.in_context():
             found = list(self.function.function(view))
         for block in found:
@@ -330,11 +287,8 @@ class UserDefinedSection(NamedTuple):
 def find_sections(named: Sequence[str | SectionFunction]) -> list[UserDefinedSection]:
     """Return the sections with names or references, in their order.
 
-    Parameters
-    ----------
-    named : sequence of str or callable
-        Each is the name of an installed section; or a reference to a function, relative to the
-        current folder; or the function itself.
+    Each is the name of an installed section; or a reference to a function, relative to the current
+    folder; or the function itself.
 
     Raises
     ------
@@ -411,10 +365,7 @@ def write_report(
 def write_page(path: str | Path, make: Callable[[], str]) -> None:
     """Make a page and write it to a file, which is replaced in one step.
 
-    Raises
-    ------
-    ReportError
-        If the name has another ending than .html or .htm, or the file cannot be written.
+    A ReportError is raised as by `write_report`.
     """
     path = Path(path)
     if path.suffix.lower() not in _ENDINGS:
@@ -430,15 +381,7 @@ def write_page(path: str | Path, make: Callable[[], str]) -> None:
 def report_page(
     tree: xr.DataTree, sections: Sequence[str | SectionFunction] = (), *, full: bool = False
 ) -> str:
-    """The report of an archive as HTML; the same text each time.
-
-    Raises
-    ------
-    ReportError
-        If a section of one's own fails; see `write_report`.
-    ArchiveError
-        If the archive lacks what the report goes by.
-    """
+    """The report of an archive as HTML; the same text each time. It raises as `write_report`."""
     every = list(_sections(tree, find_sections(sections)))
     notes = (filled.section.absence_note for filled in every if not filled.blocks)
     shown = [filled for filled in every if filled.blocks]
@@ -463,7 +406,8 @@ class PageHead(NamedTuple):
     def of_archive(cls, tree: xr.DataTree) -> PageHead:
         """Return the head of an archive's page."""
         study = str(tree.attrs.get("study_name", ""))
-        return cls(page_heading(tree), list(page_facts(tree)), study, page_reference(tree))
+        facts = [_cut_text(text) for text in _all_facts(tree) if text.strip()]
+        return cls(page_heading(tree), facts, study, page_reference(tree))
 
 
 def render_page(
@@ -484,7 +428,11 @@ def render_page(
         id(each): number for blocks in (charts, explorers) for number, each in enumerate(blocks)
     }
     anchors = block_anchors((filled.name, filled.blocks) for filled in sections)
-    library, script = page_library(), page_script()
+    style = "".join((_ASSETS / name).read_text("utf-8") for name in _STYLES)
+    parts = "\n".join((_ASSETS / name).read_text("utf-8") for name in _SCRIPTS)
+    script = f'"use strict";\n(() => {{\n{parts}}})();\n'
+    library = _LIBRARY.read_text("utf-8")
+    digests = (hashlib.sha256(text.encode("utf-8")).digest() for text in (library, script))
     return (
         _environment()
         .get_template("page.html")
@@ -499,10 +447,11 @@ def render_page(
             study=head.study,
             reference=head.reference,
             data=charts_json(charts, explorers),
-            style=page_style(),
+            style=style,
             library=library,
             script=script,
-            hashes=[script_hash(text) for text in (library, script)],
+            # For the page's policy.
+            hashes=[f"sha256-{base64.b64encode(each).decode('ascii')}" for each in digests],
         )
     )
 

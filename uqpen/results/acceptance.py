@@ -209,13 +209,7 @@ class StatedDecision:
     def concerns(self, output: str, statistic: str, value: float, unit: str) -> bool:
         """Check whether a probability is that of the claim's event.
 
-        Parameters
-        ----------
-        output, statistic : str
-        value : float
-            The threshold, in the output's SI unit.
-        unit : str
-            That unit.
+        `value` is its threshold in `unit`, the output's SI unit.
         """
         try:
             claim = parse_claim(self.claim)

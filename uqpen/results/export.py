@@ -25,19 +25,10 @@ _QUANTITY = re.compile(rf"(?:{NUMBER})(?: [^=|!(]*)?")
 
 
 def table_content(parts: Iterable[pd.DataFrame], kind: str) -> Iterator[bytes]:
-    """Yield a table as the content of a file, part after part; numbers have all their digits.
+    """Yield a table as the content of a file, from consecutive parts with the same columns.
 
-    Parameters
-    ----------
-    parts : iterable of DataFrame
-        Consecutive rows of the table, with the same columns.
-    kind : str
-        The format, one of `TABLE_FORMATS`.
-
-    Raises
-    ------
-    ExportError
-        If no package that writes the format is installed; nothing of the table is then made.
+    Numbers have all their digits. An ExportError is raised before anything is made if no package
+    that writes the format is installed.
     """
     content: Iterator[bytes] = resolve(TABLE_FORMATS[kind].function)(parts)
     return content

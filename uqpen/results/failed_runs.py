@@ -25,8 +25,7 @@ from uqpen.core.labels import (
     STATUS,
 )
 from uqpen.core.limits import RUNS_IN_MEMORY
-from uqpen.core.masked_numbers import divide_place, mask_numbers
-from uqpen.core.status import Status
+from uqpen.core.status import Status, divide_place, mask_numbers
 from uqpen.core.units import scale
 from uqpen.execution import status_counts
 from uqpen.results.digits import number_text
@@ -120,12 +119,7 @@ def failure_causes(
 ) -> list[FailedRuns]:
     """Return the failed runs of some designs by reason, the most frequent first.
 
-    Parameters
-    ----------
-    designs : sequence of Dataset
-        Runs with their numbers.
-    among : sequence of Dataset, optional
-        The designs whose reasons are grouped together; by default those counted.
+    Reasons are grouped together among the designs counted, or those of `among`.
     """
     texts = common_reasons(
         reason
@@ -177,12 +171,7 @@ def common_reasons(reasons: Iterable[str]) -> dict[str, str]:
 def record_causes(described: xr.Dataset, runs: xr.Dataset) -> xr.Dataset:
     """Return what an archive has of a design without its runs, with the causes of failed ones.
 
-    Parameters
-    ----------
-    described : Dataset
-        The result of `omit_runs`.
-    runs : Dataset
-        The runs.
+    `described` is the result of `omit_runs`.
     """
     causes = failure_causes([runs])
     if not causes:

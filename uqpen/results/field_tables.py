@@ -14,7 +14,7 @@ from uqpen.archive.fields import coordinate_text, field_dimensions
 from uqpen.archive.groups import GROUPS, group_place, model_trees
 from uqpen.archive.read import read_group
 from uqpen.core.arrays import FloatArray, IntArray, evenly_spread
-from uqpen.core.catalogue import CATALOGUE
+from uqpen.core.catalogue import CATALOGUE, MEAN, QUANTILE, STD
 from uqpen.core.errors import QuantityError, UnknownNameError, toml_text
 from uqpen.core.labels import BOUND, DERIVED_FROM, LEFT_OUT, RUNS
 from uqpen.core.lookup import choices
@@ -63,7 +63,7 @@ def _fields(statistics: SourceStatistics) -> Iterator[tuple[str, str, str, xr.Da
     runs = statistics.runs
     for output in statistics.fields:
         extent = ", ".join(_extent_text(runs[each]) for each in field_dimensions(runs[output]))
-        source, mean = next(iter(statistics.by_source(output, "mean").items()), ("", None))
+        source, mean = next(iter(statistics.by_source(output, MEAN.name).items()), ("", None))
         yield output, extent, source, mean
 
 
@@ -111,7 +111,7 @@ def field_lines(tree: xr.DataTree) -> Iterator[str]:
 def _range_text(statistics: SourceStatistics, output: str, source: str) -> str:
     """Return the range of the mean by a source, and the largest sd; empty without a mean."""
     texts = []
-    for statistic in (CATALOGUE["mean"], CATALOGUE["std"]):
+    for statistic in (MEAN, STD):
         convert = conversion(statistic, scale(statistics.unit(output)))
         ends = _ends(statistics.get(source, output, statistic.name))
         texts.append(
@@ -148,7 +148,7 @@ def field_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
         for name, extent, source, mean in _fields(statistics):
             title = f"{head}along {extent}{f'; mean by {source}' if source else ''}"
             table = tables.setdefault(title, OutputTable(title, ["smallest mean", "largest mean"]))
-            convert = conversion(CATALOGUE["mean"], scale(statistics.unit(name)))
+            convert = conversion(MEAN, scale(statistics.unit(name)))
             cells = [table.cell(entry, convert) for entry, _ in _ends(mean)]
             table.rows.append((statistics.label(name), cells or [NOTHING, NOTHING]))
         yield from tables.values()
@@ -166,18 +166,16 @@ def curve_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
             each for each in statistics.fields if len(field_dimensions(statistics.runs[each])) == 1
         ]
         for output in curves[:_MOST_CURVES]:
-            for source in list(statistics.by_source(output, "mean"))[:1]:
+            for source in list(statistics.by_source(output, MEAN.name))[:1]:
                 yield _curve_table(head, statistics, output, source)
 
 
 def _curve_table(head: str, statistics: SourceStatistics, output: str, source: str) -> OutputTable:
     (dimension,) = field_dimensions(statistics.runs[output])
-    coordinate, convert = (
-        statistics.runs[dimension],
-        conversion(CATALOGUE["mean"], scale(statistics.unit(output))),
-    )
-    quantiles = statistics.entries(source, output, "quantile")
-    columns = {"mean": statistics.by_source(output, "mean")[source]}
+    coordinate = statistics.runs[dimension]
+    convert = conversion(MEAN, scale(statistics.unit(output)))
+    quantiles = statistics.entries(source, output, QUANTILE.name)
+    columns = {MEAN.shown.label: statistics.by_source(output, MEAN.name)[source]}
     columns |= {quantile_label(each): quantiles[each] for each in _LEVELS if each in quantiles}
     columns = {label: array for label, array in columns.items() if dimension in array.dims}
     title = f"{head}{statistics.label(output)} along {dimension}, by {source}"
@@ -345,14 +343,9 @@ class FieldPlace(NamedTuple):
 
 
 def find_place(field: xr.DataArray, text: str) -> FieldPlace:
-    """Return the coordinate of a field that is nearest to a text of a user.
+    """Return the coordinate of a field that is nearest to a text such as ``"time=10 day"``.
 
-    Parameters
-    ----------
-    field : DataArray
-        The field over runs.
-    text : str
-        Such as ``"time=10 day"``; without a unit it is that of the study.
+    Without a unit it is in that of the study.
 
     Raises
     ------
@@ -388,23 +381,9 @@ def select_output(
 ) -> tuple[xr.DataTree, list[FieldPlace]]:
     """Return an archive as if its models had one output, the values of a field at some places.
 
-    A field at a place is a number there, and so has the tables and the JSON of one.
-
-    Parameters
-    ----------
-    tree : DataTree
-        An archive of a study.
-    output : str
-        The output that remains.
-    at : sequence of str
-        A place along each dimension to cut, such as ``"time=10 day"``; see `find_place`.
-
-    Returns
-    -------
-    tree : DataTree
-        The archive; the coordinates of the places remain as scalar ones.
-    places : list of FieldPlace
-        The coordinates that were found.
+    A field at a place is a number there, and so has the tables and the JSON of one. `at` has a
+    place along each dimension to cut, see `find_place`; these remain as scalar coordinates, and are
+    returned as well.
 
     Raises
     ------

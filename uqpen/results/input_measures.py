@@ -108,25 +108,11 @@ def index_titles(tree: xr.DataTree) -> VarianceTitles:
 def named_tables(
     statistics: SourceStatistics, output: str, unit: str, *, everything: bool = False
 ) -> Iterator[tuple[str, OutputTable]]:
-    """Yield a table for each type of measure of an output in the unit that is shown.
+    """Yield a table for each type of measure of an output, behind its name, such as "shares".
 
     First order indices from plain samples are shown where no other source has them. The other
     measures of any sample are shown only with `everything`. Of an output that is shown by its
     logarithm, the indices of that come first.
-
-    Parameters
-    ----------
-    statistics : SourceStatistics
-        Of one model.
-    output, unit : str
-        The name of the output, and the unit to show it in.
-    everything : bool
-        True for all measures.
-
-    Yields
-    ------
-    tuple
-        A name, such as "shares", "responses" or "effects", and a table.
     """
     shares = index_titles(statistics.tree)
     yield from _index_tables(statistics, output, shares, everything=everything)
@@ -237,22 +223,8 @@ def without_arbitrary_zeros(
     """Return a statistic without relative changes of a quantity in a unit with an offset.
 
     An archive has them relative to the SI value. Per cent of the kelvin say nothing of a
-    temperature in degC. Other statistics are returned as they are.
-
-    Parameters
-    ----------
-    tree : DataTree
-        The part of an archive on one model.
-    output : str
-        Its name.
-    statistic : Statistic
-    array : DataArray
-        Along ``input`` and ``bound``.
-
-    Returns
-    -------
-    DataArray
-        NaN, with the reason as a note, for each entry that is left out.
+    temperature in degC. Each entry along ``input`` that is left out is NaN, with the reason as a
+    note. Other statistics are returned as they are.
     """
     if not (relative := statistic.measure.relative_to):
         return array
@@ -283,12 +255,9 @@ def sensitivity_json(
 ) -> dict[str, Any]:
     """Return all measures out of the statistics that a source has of an output.
 
-    Returns
-    -------
-    dict
-        ``sensitivity.<input>.<measure>``; ``sensitivity_of_exceedance.<threshold>`` and
-        ``sensitivity_of_shares.<kind>`` likewise; ``sensitivity_of_pairs.<pair>.second_order``.
-        Without the keys of no measure. `field` are the dimensions of a field.
+    They are ``sensitivity.<input>.<measure>``; ``sensitivity_of_exceedance.<threshold>`` and
+    ``sensitivity_of_shares.<kind>`` likewise; ``sensitivity_of_pairs.<pair>.second_order``. Without
+    the keys of no measure. `field` are the dimensions of a field.
     """
     found: dict[str, Any] = {}
     for statistic in (CATALOGUE[name] for name in arrays if name in CATALOGUE):

@@ -49,10 +49,7 @@ class Disagreement(NamedTuple):
 def disagreements(arrays: Mapping[str, xr.DataArray]) -> Iterator[Disagreement]:
     """Yield the disagreements on each event between designs that have its probability.
 
-    Parameters
-    ----------
-    arrays : mapping of str to DataArray
-        The joint probabilities of each design, along ``event`` and ``bound``.
+    `arrays` are the joint probabilities of each design, along ``event`` and ``bound``.
     """
     for condition, entries in _by_design(arrays, "event_condition").items():
         for pair in combinations(entries.items(), 2):

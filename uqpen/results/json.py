@@ -61,21 +61,13 @@ _RUNS_NEEDED = "_runs_needed"
 def archive_json(tree: xr.DataTree) -> dict[str, Any]:
     """Return the results of an archive, in nested dicts of plain numbers and texts.
 
-    Parameters
-    ----------
-    tree : DataTree
-        An archive.
-
-    Returns
-    -------
-    dict
-        ``designs.<name>`` with ``runs``, ``status.<meaning>`` and ``outputs.<output>``, and
-        ``surrogates.<name>`` likewise; each figure ``{estimate, lower, upper}`` in SI units, None
-        where there is none, with how its interval was made. A field has ``dimensions``, and lists
-        along them in place of the numbers of its figures. Of several models, all that under
-        ``models.<name>``, their differences under ``differences.<name>``, and the shares of model
-        form under ``model_form.<design>.<output>``. The ``confidence_level`` of all intervals,
-        where it is not 0.95.
+    They are ``designs.<name>`` with ``runs``, ``status.<meaning>`` and ``outputs.<output>``, and
+    ``surrogates.<name>`` likewise; each figure ``{estimate, lower, upper}`` in SI units, None where
+    there is none, with how its interval was made. A field has ``dimensions``, and lists along them
+    in place of the numbers of its figures. Of several models, all that under ``models.<name>``,
+    their differences under ``differences.<name>``, and the shares of model form under
+    ``model_form.<design>.<output>``. The ``confidence_level`` of all intervals, where it is not
+    0.95.
     """
     head = archive_identity(tree)
     if CONFIDENCE_LEVEL in tree.attrs:

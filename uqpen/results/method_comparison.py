@@ -192,17 +192,6 @@ class MethodComparison:
         """The number of repeats of each method at each budget."""
         return int(self._of_budgets(self.methods[0].group).sizes[REPEAT])
 
-    def entry_arrays(
-        self, path: tuple[str, ...], name: str, along: Sequence[str]
-    ) -> list[xr.DataArray]:
-        """Return a variable of a group, by its entries along the dimension of a statistic."""
-        if (*path, name) not in self._arrays:
-            array = unpack(read_group(self.view.tree, *path), name)
-            assert array is not None, name
-            found = array_entries(array.transpose(*along, ...)) if along else [array]
-            self._arrays[*path, name] = found
-        return self._arrays[*path, name]
-
     @property
     def reference_runs(self) -> int:
         """The number of runs of the reference."""
@@ -248,7 +237,12 @@ class ComparedEntry:
 
     def _archived(self, *path: str, what: str = "") -> xr.DataArray:
         name, along = f"{self.statistic.name}{what}", self.statistic.dims
-        return self.comparison.entry_arrays(path, name, along)[self.position]
+        if (*path, name) not in self.comparison._arrays:
+            array = unpack(read_group(self.comparison.view.tree, *path), name)
+            assert array is not None, name
+            found = array_entries(array.transpose(*along, ...)) if along else [array]
+            self.comparison._arrays[*path, name] = found
+        return self.comparison._arrays[*path, name][self.position]
 
     @property
     def entry_name(self) -> str | float:
@@ -302,15 +296,7 @@ class ComparedEntry:
 
 
 def lowest_expected_coverage(level: float, repeats: int) -> float:
-    """Return the least share of intervals that 95 % chance scatter allows.
-
-    Parameters
-    ----------
-    level : float
-        Nominal level of the intervals.
-    repeats : int
-        Number of intervals.
-    """
+    """Return the least share of intervals of a nominal level that 95 % chance scatter allows."""
     covered = np.arange(repeats + 1)
     _, upper = clopper_pearson(covered, repeats, LEVEL)
     return float(covered[upper >= level][0] / repeats)
@@ -443,12 +429,8 @@ def percentage_text(error: float) -> str:
 def standing_mark(name: str, level: str, lowest: float) -> str:
     """Return the mark behind a method's error, as the legend has it; a space for none.
 
-    Parameters
-    ----------
-    name, level : str
-        The method, and all that are level with the best, the best first.
-    lowest : float
-        Lower bound of the lead of a single best; NaN for a doubtful lead.
+    `level` are all that are level with the best, the best first; `lowest` is the lower bound of the
+    lead of a single best, NaN for a doubtful lead.
     """
     names = level.split()
     if name not in names:
@@ -474,20 +456,12 @@ def _list_budgets(budgets: list[int]) -> str:
 
 
 def benchmark_json(tree: xr.DataTree) -> dict[str, Any]:
-    """Return a benchmark as nested dicts of plain numbers and texts.
+    """Return an archive of a benchmark of methods as nested dicts of plain numbers and texts.
 
-    Parameters
-    ----------
-    tree : DataTree
-        An archive of a benchmark of methods.
-
-    Returns
-    -------
-    dict
-        ``methods.<name>`` with ``runs`` and ``replicates`` by budget; ``outputs.<output>`` with
-        ``mean``, ``std``, ``quantiles.<p>`` and ``exceedance.<threshold>``, each with
-        ``reference``, ``errors.<method>.<budget>``, ``slopes.<method>`` and
-        ``verdicts.<variant>.<budget>``.
+    They are ``methods.<name>`` with ``runs`` and ``replicates`` by budget; ``outputs.<output>``
+    with ``mean``, ``std``, ``quantiles.<p>`` and ``exceedance.<threshold>``, each with
+    ``reference``, ``errors.<method>.<budget>``, ``slopes.<method>`` and
+    ``verdicts.<variant>.<budget>``.
     """
     comparison = MethodComparison.of(tree)
     outputs: dict[str, dict[str, Any]] = {}

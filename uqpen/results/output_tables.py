@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.read import group_names, read_group
-from uqpen.core.catalogue import CATALOGUE, MODEL_FORM_STATISTICS, REQUESTED
+from uqpen.core.catalogue import MEAN, MODEL_FORM_STATISTICS, REQUESTED, STD
 from uqpen.core.labels import (
     AGREEMENT,
     CONDITIONAL,
@@ -90,14 +90,9 @@ _EQUAL_WEIGHT = (
 
 
 def output_tables(tree: xr.DataTree, *, everything: bool = False) -> Iterator[OutputTable]:
-    """Yield the tables of each output of each model, with its sensitivity tables.
+    """Yield the tables of each output of each model of an archive, with its sensitivity tables.
 
-    Parameters
-    ----------
-    tree : DataTree
-        An archive.
-    everything : bool
-        Whether to show all sensitivity measures of the archive.
+    These have all measures with `everything`.
     """
     level = _level_text(tree)
     for head, model in headed_models(tree).items():
@@ -150,7 +145,7 @@ def difference_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
     for other in group_names(tree, DIFFERENCES):
         statistics = SourceStatistics.of_differences(tree, other)
         for name in statistics.scalar_outputs:
-            if sources := list(statistics.by_source(name, "mean")):
+            if sources := list(statistics.by_source(name, MEAN.name)):
                 title = f"{other} minus {statistics.minus(sources[0])}: {name}"
                 title = label_with_unit(title, statistics.unit(name)) + _level_text(tree)
                 table = OutputTable(title, sources)
@@ -186,17 +181,9 @@ def model_form_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
 
 
 def statistics_table(statistics: SourceStatistics, name: str) -> OutputTable | None:
-    """Return the statistics of one output from all sources; None where no source has any.
-
-    Parameters
-    ----------
-    statistics : SourceStatistics
-        Of one model.
-    name : str
-        The output's.
-    """
+    """Return the statistics of one output from all sources; None where no source has any."""
     is_categorical = "flag_meanings" in statistics.attributes(name)
-    sources = list(statistics.by_source(name, "share" if is_categorical else "mean"))
+    sources = list(statistics.by_source(name, "share" if is_categorical else MEAN.name))
     # Designs that have values far out of an output, and no mean.
     tails = {source for each in REQUESTED for source in statistics.by_source(name, each.name)}
     tails.difference_update(sources)
@@ -288,7 +275,7 @@ def _add_statistics(
     """Add a row for each number that the archive has an estimate of."""
     # Shares have rows of all outputs with categories, and bands a table of their own.
     left_out = {"share", "tolerance_band"}
-    stds = statistics.by_source(output, "std", table.columns).values()
+    stds = statistics.by_source(output, STD.name, table.columns).values()
     if not any(math.isnan(std.values[1]) and std.values[0] > 0 for std in stds):
         left_out.add("half_spread")
     every = (*SHOWN, *described_statistics(statistics, output))
@@ -296,8 +283,9 @@ def _add_statistics(
     shown.sort(key=lambda each: each.shown.row)
     if is_log:
         # A mean over tenfolds is that of few runs, so quantiles come before the moments.
-        moments = CATALOGUE["mean"].shown.row
-        shown.sort(key=lambda each: each.shown.row >= moments and PROBABILITY not in each.dims)
+        shown.sort(
+            key=lambda each: each.shown.row >= MEAN.shown.row and PROBABILITY not in each.dims
+        )
     unjudged = [
         each for each in table.columns if statistics.kind(each) not in ("design", "surrogate")
     ]

@@ -13,7 +13,7 @@ import xarray as xr
 from uqpen.archive.estimates import UnpackedStatistics, array_entries
 from uqpen.archive.fields import field_dimensions
 from uqpen.archive.groups import group_names, model_trees, read_group
-from uqpen.core.catalogue import CATALOGUE
+from uqpen.core.catalogue import CATALOGUE, FAILURE_STATISTICS
 from uqpen.core.labels import (
     AXIS_SCALE,
     BOUND,
@@ -62,6 +62,10 @@ __all__ = [
     "source_entries",
     "user_defined",
 ]
+
+
+# The probability that a run ends with a status.
+_OF_STATUS = next(each.name for each in FAILURE_STATISTICS.values() if STATUS in each.dims)
 
 
 @dataclass(frozen=True)
@@ -188,19 +192,11 @@ class SourceStatistics:
     def get(self, source: str, output: str, statistic: str) -> xr.DataArray | None:
         """Return an estimate array; None where the source does not have it.
 
-        Parameters
-        ----------
-        source, output, statistic : str
-            The names of a design, surrogate or publication; of an output; of a statistic.
-
-        Returns
-        -------
-        DataArray or None
-            Along the statistic's dimensions (``probability``, ``content``, ``threshold``,
-            ``category``, ``rank``, ``input``, ``pair``) and ``bound``. Coordinates: those of the
-            dimensions with their companions, and ``interval``, ``interval_label`` and ``note`` of
-            each entry. Attributes: ``units``, ``long_name``, ``interval_level``, ``estimator``, the
-            counts of runs, ``conditional_on``, ``missing``.
+        It lies along the statistic's dimensions (``probability``, ``content``, ``threshold``,
+        ``category``, ``rank``, ``input``, ``pair``) and ``bound``. Coordinates: those of the
+        dimensions with their companions, and ``interval``, ``interval_label`` and ``note`` of each
+        entry. Attributes: ``units``, ``long_name``, ``interval_level``, ``estimator``, the counts
+        of runs, ``conditional_on``, ``missing``.
         """
         return self.statistics(source, output).get(statistic)
 
@@ -236,11 +232,8 @@ class SourceStatistics:
     def absence(self, source: str, output: str) -> dict[str, Any]:
         """Return what the statistics of an output are conditional on, if not all runs have it.
 
-        Returns
-        -------
-        dict
-            ``runs_absent``, the number of completed runs without a value, and ``conditional_on``;
-            empty where all have one.
+        That is ``runs_absent``, the number of completed runs without a value, and
+        ``conditional_on``; empty where all have one.
         """
         for attributes in self.statistics(source, output).attributes():
             if RUNS_ABSENT in attributes:
@@ -280,13 +273,10 @@ class SourceStatistics:
     def failures(self, design: str) -> UnpackedStatistics:
         """Return the statistics of a design's failed runs.
 
-        Returns
-        -------
-        mapping of str to DataArray
-            ``probability`` along ``status`` and ``bound``, each status by its meaning; ``larger``
-            and ``further_out`` along ``input`` and ``bound``; ``lowest`` and ``highest`` along
-            ``input``. Empty for a design that is no sample and lost no run. The attributes of
-            ``probability`` say ``runs``, ``runs_used``, ``conditional_on`` and ``missing``.
+        ``probability`` lies along ``status`` and ``bound``, each status by its meaning; ``larger``
+        and ``further_out`` along ``input`` and ``bound``; ``lowest`` and ``highest`` along
+        ``input``. Empty for a design that is no sample and lost no run. The attributes of
+        ``probability`` say ``runs``, ``runs_used``, ``conditional_on`` and ``missing``.
         """
         return self.of_runs(FAILURES_GROUP, design)
 
@@ -313,14 +303,14 @@ class SourceStatistics:
 
     def status_probabilities(self, design: str) -> dict[str, xr.DataArray]:
         """Return the probability of each status of a design's runs, by its meaning."""
-        chances = self.failures(design).get("probability")
+        chances = self.failures(design).get(_OF_STATUS)
         if chances is None:
             return {}
         return dict(zip(chances[STATUS].values.tolist(), array_entries(chances), strict=True))
 
     def run_accounts(self, design: str) -> dict[str, str]:
         """Return the attributes by which failed runs qualify the statistics of a design."""
-        attributes = self.failures(design).get("probability", xr.DataArray()).attrs
+        attributes = self.failures(design).get(_OF_STATUS, xr.DataArray()).attrs
         return {name: attributes[name] for name in (CONDITIONAL, MISSING) if name in attributes}
 
 
@@ -361,13 +351,7 @@ def best_sources(tree: xr.DataTree, found: Iterable[tuple[str, xr.DataArray]]) -
 
     Where there are only these, or no other has a value, the largest of them is shown, the first of
     equals. Where no other has an interval, the largest of those that have one is shown beside them.
-
-    Parameters
-    ----------
-    tree : DataTree
-        The part of an archive on one model.
-    found : iterable of tuple
-        A source and an array of its indices, which has their number of runs.
+    `found` has a source and an array of its indices, which has their number of runs.
     """
     runs: dict[str, int] = {}
     with_values, with_intervals = set(), set()
@@ -406,17 +390,7 @@ def labelled_entries(
 ) -> Iterator[tuple[str, dict[str, xr.DataArray]]]:
     """Yield the entries of a statistic that tables show, with their labels.
 
-    Parameters
-    ----------
-    statistic : Statistic
-    arrays : dict of str to DataArray
-        Estimate arrays by source.
-
-    Yields
-    ------
-    label : str
-    estimates : dict of str to DataArray
-        By source, along ``bound`` alone.
+    Each has its estimates by source, along ``bound`` alone.
     """
     if not statistic.dims:
         yield entry_label(statistic, ""), dict(arrays)

@@ -93,14 +93,8 @@ def source_slots(study_text: str, sources: Iterable[str]) -> dict[str, int]:
     """Return the place of each source of a study among colours and markers.
 
     The study's text decides, so a source looks the same on all pages and figures of its study, and
-    the first design of a kind the same in all studies.
-
-    Parameters
-    ----------
-    study_text : str
-        Of an archive. A text that cannot be read names no source.
-    sources : iterable of str
-        Those that need a place, also if the text does not name them.
+    the first design of a kind the same in all studies. A text that cannot be read names no source;
+    `sources` need a place also if the text does not name them.
     """
     kinds = dict(_kind_by_source(study_text))
     kinds |= {source: "" for source in sources if source not in kinds}

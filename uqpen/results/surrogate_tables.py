@@ -126,15 +126,7 @@ def fit_table(name: str, made: xr.DataTree) -> OutputTable:
 
 
 def correction_tables(tree: xr.DataTree, surrogate: str) -> Iterator[OutputTable]:
-    """Yield a table for each output whose estimates by a surrogate are corrected.
-
-    Parameters
-    ----------
-    tree : DataTree
-        The part of an archive on one model.
-    surrogate : str
-        Its name.
-    """
+    """Yield a table for each output of a model whose estimates by a surrogate are corrected."""
     statistics = SourceStatistics(tree)
     for output in statistics.scalar_outputs:
         unit = statistics.unit(output)
@@ -174,15 +166,7 @@ def equivalent_runs_text(estimate: xr.DataArray) -> str:
 
 
 def missing_run_tables(tree: xr.DataTree, surrogate: str) -> Iterator[OutputTable]:
-    """Yield the table of a surrogate's predictions at the inputs of failed runs, if there are any.
-
-    Parameters
-    ----------
-    tree : DataTree
-        The part of an archive on one model.
-    surrogate : str
-        Its name.
-    """
+    """Yield the table of a surrogate's predictions at the inputs of failed runs, if any."""
     made, runs = tree.children[SURROGATES].children[surrogate], first_runs(tree)
     title = f"{surrogate}: predictions at the inputs of failed runs of {made.attrs['design']}"
     table = OutputTable(title, ["runs", "from", "to", "beyond"])

@@ -144,15 +144,7 @@ def shown_estimate(
 
 
 def shown_bounds(array: xr.DataArray, convert: Conversion) -> list[float]:
-    """Return an estimate and its bounds in the shown unit; 0 for what is 0 but for rounding.
-
-    Parameters
-    ----------
-    array : DataArray
-        Along ``bound``.
-    convert : callable
-        From SI to the unit.
-    """
+    """Return an estimate and its bounds in the shown unit; 0 for what is 0 but for rounding."""
     values = [float(value) for value in convert(array.values)]
     of_inputs = array.name in CATALOGUE and not {INPUT, PAIR}.isdisjoint(array.coords)
     is_plain = of_inputs and CATALOGUE[str(array.name)].unit is UnitRule.NONE

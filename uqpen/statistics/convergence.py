@@ -102,7 +102,7 @@ def _reason(model: ErrorModel, runs: int, replicates: int) -> str:
 def _growing_parts(sample: Sample) -> Iterator[Sample]:
     """Yield each part of a sample, in ascending order of size."""
     numbers = np.unique(sample.replicates)
-    for end in _part_sizes(sample):
+    for end in part_sizes(len(sample.replicates), _replicates(sample)):
         if sample.error_model is ErrorModel.REPLICATED:
             yield _part(sample, np.isin(sample.replicates, numbers[:end]))
         elif end == len(sample.replicates):
@@ -139,11 +139,6 @@ def _first_points(sample: Sample, end: int) -> Sample:
         replicates=sample.replicates[:end],
         weights=None if sample.weights is None else sample.weights[:end],
     )
-
-
-def _part_sizes(sample: Sample) -> list[int]:
-    """Number of replicates, or of runs, in each part."""
-    return part_sizes(len(sample.replicates), _replicates(sample))
 
 
 def _replicates(sample: Sample) -> int:

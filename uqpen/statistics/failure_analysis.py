@@ -50,9 +50,11 @@ def failure_analysis(sample: Sample) -> Iterator[tuple[str, xr.DataArray]]:
     at = np.concatenate([sample.used, sample.missing])
     is_failed = np.arange(len(at)) >= len(sample.used)
     columns = [sample.columns[number][at] for number in range(len(sample.inputs))]
+    ranks = [_ranks(column) for column in columns]
+    distances = [np.abs(each - each.mean()) for each in ranks]
     for name, what, measured in (
         ("larger", "is larger", columns),
-        ("further_out", "lies further from its median", [_median_distances(x) for x in columns]),
+        ("further_out", "lies further from its median", distances),
     ):
         estimates = [_superiority_probability(sample, values, is_failed) for values in measured]
         long_name = texts.LARGER_IF_FAILED.format(is_larger=what)
@@ -61,12 +63,6 @@ def failure_analysis(sample: Sample) -> Iterator[tuple[str, xr.DataArray]]:
         values = np.array([end(column[is_failed]) for column in columns])
         described = {"long_name": texts.END_OF_FAILED.format(end=name)}
         yield name, xr.DataArray(values, input_coordinate(sample.inputs), (INPUT,), attrs=described)
-
-
-def _median_distances(values: FloatArray) -> FloatArray:
-    """Distance of each value from the median, as a number of ranks."""
-    ranks = _ranks(values)
-    return np.abs(ranks - ranks.mean())
 
 
 def _superiority_probability(sample: Sample, values: FloatArray, is_failed: BoolArray) -> Estimate:

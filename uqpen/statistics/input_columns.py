@@ -11,17 +11,14 @@ from weakref import WeakValueDictionary
 import numpy as np
 import numpy.typing as npt
 
-from uqpen.core.arrays import BoolArray, FloatArray, IntArray
+from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.blocks import BlockedRuns
 from uqpen.core.labels import ROLE, RUN
-from uqpen.statistics.ordering import Numbers, Ordering
+from uqpen.statistics.ordering import Ordering
 
 __all__ = ["InputColumns", "RunInputs"]
 
 Made = TypeVar("Made")
-
-# Below, loops would save less than the half second that their compiler takes to load.
-_MANY = 2**18
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,33 +125,10 @@ class RunInputs:
         values = self.columns[number]
         return self.once(("ordering", number), lambda: whole.among(self.used, values))
 
-    def ranks_of_untied(self, number: int) -> Numbers:
-        """Return the ranks, from 0, of an input without equal values among all points, ascending.
-
-        Those of all points are the same for every input.
-        """
-        if self._is_whole:
-            return self.once("ranks", lambda: np.arange(len(self.used), dtype=np.int32))
-        order = self.columns.ordering(number).order
-        return self.once(
-            ("ranks", number), lambda: np.flatnonzero(self._is_used[order]).astype(order.dtype)
-        )
-
-    @cached_property
-    def _is_used(self) -> BoolArray:
-        is_used = np.zeros(self.columns.size, dtype=np.bool_)
-        is_used[self.used] = True
-        return is_used
-
     @cached_property
     def _is_whole(self) -> bool:
         """True if the runs are all points, in their order."""
         return np.array_equal(self.used, np.arange(self.columns.size))
-
-    @property
-    def are_many(self) -> bool:
-        """True if compiled loops take them, by the number of values."""
-        return len(self.used) * len(self.columns.names) >= _MANY
 
     def varies(self, number: int) -> bool:
         """Return True if an input is not the same in all runs."""

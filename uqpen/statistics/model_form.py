@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -78,13 +78,24 @@ def _of_output(runs: Sequence[xr.Dataset], quantity: QuantityOfInterest) -> Outp
     sample = _with_values(sample, kept, values[0, kept], level)
     of_value = _shares(sample, values[:, kept])
     counts = {**run_counts(LoadedDataset.of(worst)), "runs_used": int(kept.size)}
-    arrays = dict(_value_arrays(of_value, level))
+    arrays = {
+        share.name: of_value[number].to_array(units="1", long_name=share.title, level=level)
+        for number, share in enumerate(_SHARES)
+    }
     if quantity.thresholds:
         events = [
             _shares(sample, (values[:, kept] > each.value).astype(np.float64), is_event=True)
             for each in quantity.thresholds
         ]
-        arrays |= dict(_event_arrays(events, quantity))
+        for number, share in enumerate(_OF_EVENTS):
+            arrays[share.name] = Estimate.stack(
+                [each[number] for each in events],
+                THRESHOLD,
+                units="1",
+                long_name=share.title,
+                coordinates=threshold_coordinates(quantity),
+                level=level,
+            )
     return {key: array.assign_attrs(counts) for key, array in arrays.items()}
 
 
@@ -92,57 +103,32 @@ def _with_values(sample: Sample, used: IntArray, values: FloatArray, level: floa
     return replace(sample, used=used, values=values, level=level)
 
 
-def _value_arrays(
-    estimates: Sequence[Estimate], level: float
-) -> Iterator[tuple[str, xr.DataArray]]:
-    for share, estimate in zip(_SHARES, estimates, strict=True):
-        yield share.name, estimate.to_array(units="1", long_name=share.title, level=level)
-
-
-def _event_arrays(
-    events: Sequence[Sequence[Estimate]], quantity: QuantityOfInterest
-) -> Iterator[tuple[str, xr.DataArray]]:
-    for position, share in enumerate(_OF_EVENTS):
-        yield (
-            share.name,
-            Estimate.stack(
-                [each[position] for each in events],
-                THRESHOLD,
-                units="1",
-                long_name=share.title,
-                coordinates=threshold_coordinates(quantity),
-                level=quantity.confidence_level,
-            ),
-        )
-
-
-def _shares(sample: Sample, values: FloatArray, *, is_event: bool = False) -> list[Estimate]:
+def _shares(sample: Sample, values: FloatArray, *, is_event: bool = False) -> Estimate:
     """Estimate the three shares from values of shape (model, run)."""
     nothing = np.full(3, np.nan)
     if not values.shape[1]:
-        return _without_bounds(nothing, texts.NO_RUN)
+        return Estimate.without_bounds(nothing, texts.NO_RUN)
     if sample.weights is not None:
-        return _without_bounds(nothing, texts.NOT_WEIGHTED)
+        return Estimate.without_bounds(nothing, texts.NOT_WEIGHTED)
     if values.min() == values.max():
-        return _without_bounds(nothing, texts.CONSTANT_EVENT if is_event else texts.CONSTANT_OUTPUT)
+        return Estimate.without_bounds(
+            nothing, texts.CONSTANT_EVENT if is_event else texts.CONSTANT_OUTPUT
+        )
     parts = _Parts(sample, _standardized(values))
-    reason = sample.reason_without_intervals or _few_events(sample, values, is_event=is_event)
+    reason = sample.reason_without_intervals
+    # Of one model at least: another may show the event always or never.
+    if is_event and not has_enough_runs_around(sample, values.sum(axis=1)).any():
+        reason = reason or texts.TOO_ONE_SIDED
     if reason:
-        return _without_bounds(parts.shares, reason)
+        return Estimate.without_bounds(parts.shares, reason)
     half = student_quantile(parts.freedom, sample.level) * parts.errors
     label = "nominal"
     if sample.error_model is ErrorModel.SINGLE_STRATIFIED_SET:
         label = "conservative"
     method = texts.DELTA_METHOD.format(error_model=sample.error_model)
     note = "" if is_event else _tail_note(sample, values)
-    return [
-        Estimate(share, share - width, min(share + width, 1.0), method, label, note)
-        for share, width in zip(parts.shares.tolist(), half.tolist(), strict=True)
-    ]
-
-
-def _without_bounds(shares: FloatArray, reason: str) -> list[Estimate]:
-    return [Estimate.without_bounds(share, reason) for share in shares.tolist()]
+    ends = parts.shares - half, np.minimum(parts.shares + half, 1.0)
+    return Estimate(parts.shares, *ends, method, label, note)
 
 
 def _standardized(values: FloatArray) -> FloatArray:
@@ -152,15 +138,6 @@ def _standardized(values: FloatArray) -> FloatArray:
     deviations = scaled - scaled.mean()
     standardized: FloatArray = deviations / np.abs(deviations).max()
     return standardized
-
-
-def _few_events(sample: Sample, values: FloatArray, *, is_event: bool) -> str:
-    """Return the reason why too few runs show an event; empty where there are enough."""
-    if not is_event:
-        return ""
-    # Of one model at least: another may show the event always or never.
-    has_enough = has_enough_runs_around(sample, values.sum(axis=1))
-    return "" if has_enough.any() else texts.TOO_ONE_SIDED
 
 
 def _tail_note(sample: Sample, values: FloatArray) -> str:

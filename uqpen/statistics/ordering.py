@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
+from uqpen.statistics.intervals import group_sums
 
 __all__ = ["Numbers", "Ordering"]
 
@@ -91,11 +92,14 @@ class Ordering:
         return float(self.mean_ranks.std())
 
     def sums_above(self, values: FloatArray) -> FloatArray:
-        """Return for each run the sum of other values over the runs above; an equal one is half."""
-        level = self.level
-        at: FloatArray = values[self.order]
-        if self.is_above is not None:
-            at = np.bincount(level, values).astype(np.float64, copy=False)
-        above = np.cumsum(at[::-1])[::-1] - at
-        sums: FloatArray = (above + at / 2)[level]
-        return sums
+        """Return for each run the sum of other values over the runs above; an equal one is half.
+
+        Values are of shape (..., run).
+        """
+        if self.is_above is None:
+            at = np.take(values, self.order, axis=-1)
+        else:
+            at = group_sums(values, self.level, int(self.is_above.sum()))
+        sums = np.cumsum(at[..., ::-1], axis=-1)[..., ::-1]
+        sums -= at / 2
+        return np.take(sums, self.level, axis=-1)

@@ -124,15 +124,14 @@ def required_runs(
     size = pilot.sizes[RUN]
     runs = pilot.drop_dims(FAILED_RUN, errors="ignore")
     rows = [np.arange(size), *rng.integers(size, size=(_SAMPLES, size))]
-    feedbacks = [_feedback(runs.isel({RUN: chosen}), quantities) for chosen in rows]
+    feedbacks = []
+    for chosen in rows:
+        made = {"": runs.isel({RUN: chosen})}
+        estimates = RunningEstimates((made,), Sampling.INDEPENDENT, {"": quantities})
+        feedbacks.append(Feedback(made, estimates))
     for target in rule.each_target():
         if target.output in runs:
             found = [size * target.excess(each, "") ** 2 for each in feedbacks]
             known = [each for each in found[1:] if math.isfinite(each)]
             ends = np.quantile(known, _ENDS).tolist() if known else [math.nan, math.nan]
             yield RequiredRuns(str(target), found[0], *ends)
-
-
-def _feedback(runs: xr.Dataset, quantities: Sequence[QuantityOfInterest]) -> Feedback:
-    made = {"": runs}
-    return Feedback(made, RunningEstimates((made,), Sampling.INDEPENDENT, {"": quantities}))

@@ -28,6 +28,7 @@ __all__ = [
     "FEWEST_EFFECTIVE_RUNS",
     "FEWEST_RUNS_FOR_TAILS",
     "Column",
+    "DistanceShape",
     "ErrorModel",
     "Sample",
     "SampleShape",
@@ -430,6 +431,15 @@ class SampleShape:
         if self.sample.is_at_places:
             return texts.HEAVY_TAIL_AT_PLACES
         return texts.HEAVY_TAIL.format(kurtosis=self.kurtosis, runs=self.effective_runs)
+
+
+class DistanceShape(SampleShape):
+    """The shape of distances, which are deviations from a mean as they are."""
+
+    @cached_property
+    def mean(self) -> FloatArray:
+        """Zero."""
+        return np.zeros(self.sample.values.shape[:-1])
 
 
 def _power(base: FloatArray, exponent: float) -> FloatArray:

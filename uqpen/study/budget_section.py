@@ -88,7 +88,11 @@ def plan_runs(runs: int, inputs: int, no_surrogate: str = "") -> tuple[PlannedTa
         reason = f"below {_REPLICATED} runs, its intervals assume least"
         return (_design("monte-carlo", runs, reason),)
     if runs > _MOST_FITTED:
-        return (_sobol_sets(runs),)
+        # As many points in a set as 16 sets can have, and as many sets as there are runs for.
+        points = 1 << ((runs // _SETS).bit_length() - 1)
+        sets = runs // points
+        reason = f"mostly the most precise above {_MOST_FITTED} runs"
+        return (_design("sobol-sequence", sets * points, reason, replicates=sets),)
     training = _whole(runs - max(_CHECK, runs // _CHECK_SHARE))
     fewest = max(_REPLICATED, _TRAINING_PER_INPUT * inputs)
     if training < fewest and not no_surrogate:
@@ -109,14 +113,6 @@ def plan_runs(runs: int, inputs: int, no_surrogate: str = "") -> tuple[PlannedTa
 
 def _hypercubes(runs: int, reason: str) -> PlannedTable:
     return _design("latin-hypercube", runs, reason, replicates=_REPLICATES)
-
-
-def _sobol_sets(runs: int) -> PlannedTable:
-    """Plan as many points in a set as 16 sets can have, and as many sets as there are runs for."""
-    points = 1 << ((runs // _SETS).bit_length() - 1)
-    sets = runs // points
-    reason = f"mostly the most precise above {_MOST_FITTED} runs"
-    return _design("sobol-sequence", sets * points, reason, replicates=sets)
 
 
 def _design(kind: str, runs: int, reason: str, **settings: int) -> PlannedTable:

@@ -71,33 +71,23 @@ def _read_readings(table: TableReader, variables: Variables, file: str) -> dict[
         return readings
     is_common = any(isinstance(section.content.get(kind), str) for kind in _READERS)
     for name, default in readings.items():
-        own = section.table(name) if _is_output_key(section, name) else None
+        # An output may have the name of a kind of file.
+        is_own = name not in _READERS or isinstance(section.content.get(name), dict)
+        own = section.table(name) if is_own and name in section else None
         if own is not None and own.is_given:
             readings[name] = _output_reader(own, name) or default
             own.check_unknown_keys()
         elif is_common:
             own = section
             readings[name] = _output_reader(section, name) or default
-        if own is not None and name in lists:
-            _check_whole(own, name)
+        for key in ("row", "match"):
+            if own is not None and name in lists and key in own:
+                found = f"a choice among the numbers of {name}"
+                own.add_problem(key, found, "none: all of them are read, along its dimensions")
     for name in readings:
         section.take(name)
     section.check_unknown_keys("output")
     return readings
-
-
-def _check_whole(section: TableReader, name: str) -> None:
-    """Note keys that take one number where all are read."""
-    for key in ("row", "match"):
-        if key in section:
-            found = f"a choice among the numbers of {name}"
-            section.add_problem(key, found, "none: all of them are read, along its dimensions")
-
-
-def _is_output_key(section: TableReader, name: str) -> bool:
-    """Return True if a key is an output's, which may have the name of a kind of file."""
-    is_table = isinstance(section.content.get(name), dict)
-    return name in section and (is_table or name not in _READERS)
 
 
 def _output_reader(section: TableReader, name: str) -> OutputReader | None:
@@ -160,7 +150,10 @@ def read_command(table: TableReader) -> Command | None:
     handed.read_templates()
     handed.read_copied()
     limits = read_limits(table)
-    kept = table.settings(FolderPolicy, given={"folder": _kept_folder(table)})
+    # Folders of runs are next to the study, and named after it, and after one of several models.
+    folder = table.folder / f"{Path(table.document.label).stem}_runs"
+    folder = folder / str(table.path[-1]) if len(table.path) > 1 else folder
+    kept = table.settings(FolderPolicy, given={"folder": folder})
     named = set().union(*map(names_in, words), handed.names())
     readings = _read_readings(table, variables, OUTPUTS if "outputs" in named else STDOUT)
     if len(table.problems) == noted:
@@ -289,9 +282,3 @@ def _read_delimiters(table: TableReader) -> Delimiters:
     expected = 'two texts of 1 to 8 signs, no letters, digits or blanks, such as ["<<", ">>"]'
     table.add_wrong("delimiters", written, expected)
     return BRACES
-
-
-def _kept_folder(table: TableReader) -> Path:
-    """Return the folder for folders of runs: next to the study, and named after it."""
-    kept = table.folder / f"{Path(table.document.label).stem}_runs"
-    return kept / str(table.path[-1]) if len(table.path) > 1 else kept  # one of several models

@@ -26,8 +26,8 @@ from uqpen.statistics.estimate import LEVEL
 from uqpen.study import SECTIONS
 from uqpen.study.study import ValidatedStudy
 from uqpen.study.user_defined_members import (
-    object_surrogates,
-    referenced_members,
+    named_objects,
+    named_references,
     user_defined_objects,
 )
 from uqpen.surrogates.refinement import RefinedDesign
@@ -128,14 +128,14 @@ class StudyIdentity(NamedTuple):
 def study_identity(study: ValidatedStudy) -> StudyIdentity:
     """Gather what decides the archive of a study."""
     content, files = tomllib.loads(study.text), tuple(study.files())
-    objects = user_defined_objects(study.text)
+    objects = user_defined_objects(content)
     reasons = (variant.model.unknown_dependency for variant in study.models.values())
     unknown = [(reason, "the model") for reason in reasons if reason]
     unknown += [(f"{name} is a Python object", "it") for name in objects]
     classes = [cls for design in study.designs for _, cls in _point_classes(study, design)]
     classes += map(type, study.surrogates.values())
     is_known = (
-        not (objects or object_surrogates(content))
+        not (objects or named_objects(content, "surrogates"))
         and not any(map(class_version, classes))
         and all(analysis.surroundings is not None for analysis in study.analyses)
     )
@@ -230,7 +230,9 @@ def run_fingerprint(study: ValidatedStudy, model: str, design: str) -> dict[str,
         for member, cls in _point_classes(study, design)
         for key, value in class_version(cls).items()
     }
-    has_user_defined_code = is_user_defined(adapter) or bool(versions or referenced_members(tables))
+    has_user_defined_code = is_user_defined(adapter) or bool(
+        versions or named_references(tables, "designs", "inputs")
+    )
     return {
         **dict(_flatten_tables(tables)),
         **versions,

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from uqpen.core.columns import Column
 from uqpen.core.errors import ConstraintError, QuantityError, SettingsError, TableError, toml_text
 from uqpen.core.lookup import choices, nearest, resolve
 from uqpen.core.model import Input, Model
-from uqpen.core.quantities import Quantity, parse_quantity, parse_spread
+from uqpen.core.quantities import parse_quantity, parse_spread
 from uqpen.core.settings import declared_settings, file, text
 from uqpen.core.streams import Stream
 from uqpen.core.units import ANY_DIMENSION, DIMENSIONLESS, are_convertible, describe
@@ -45,6 +44,7 @@ from uqpen.study.joint_section import Groups, Inputs
 from uqpen.study.table_reader import OBJECT, SETTINGS, TableReader, check_names, read_named_object
 from uqpen.study.user_defined_members import (
     DISTRIBUTION,
+    Files,
     installed_names,
     is_reference,
     read_member,
@@ -70,14 +70,17 @@ def read_frozen(table: TableReader, variable: Input, library: str) -> RandomInpu
     The table has the name of the distribution, its parameters as numbers, and the unit of its
     values. In place of them, the text of a study in Python may name an object.
     """
-    if library == OBJECT and SETTINGS in table:
-        return _read_own_object(table, variable)
-    unit = _unit(table, variable)
     if library == OBJECT:
-        return _read_object(table, variable, unit)
-    noted = len(table.problems)
+        return _read_object(table, variable)
+    unit, noted = _unit(table, variable), len(table.problems)
     name = table.text("name", f"the name of a continuous distribution of {LIBRARIES[library]}")
-    parameters = dict(_parameters(table))
+    parameters: dict[str, float] = {}
+    for key in table:
+        value = None if key in ("name", "unit") else table.take(key)
+        if isinstance(value, int | float) and not isinstance(value, bool):
+            parameters[key] = float(value)
+        elif key not in ("name", "unit"):
+            table.add_wrong(key, value, "a number, in the unit of the values")
     if name is None or len(table.problems) > noted:
         return None
     try:
@@ -98,40 +101,30 @@ def read_frozen(table: TableReader, variable: Input, library: str) -> RandomInpu
     return None
 
 
-def _read_object(table: TableReader, variable: Input, unit: str) -> RandomInput | None:
-    """Read an input whose distribution is an object of the Python program."""
-    name = table.text(OBJECT, "the text of a distribution")
-    table.check_unknown_keys()
-    objects = table.document.objects
-    if objects is None or table.path not in objects:
-        expected = "a distribution that a file can state: a file cannot contain a Python object"
-        table.add_wrong(OBJECT, name, expected)
-        return None
-    distribution = FrozenDistribution(objects[table.path], unit)
-    return None if name is None else RandomInput(variable, distribution, unit, name)
+def _read_object(table: TableReader, variable: Input) -> RandomInput | None:
+    """Read an input whose distribution is an object of the Python program.
 
-
-def _read_own_object(table: TableReader, variable: Input) -> RandomInput | None:
-    """Read an input whose distribution is an object of a user's class; it may be absent."""
+    One of a user's class, which has settings for a reader, may be absent.
+    """
+    is_own = SETTINGS in table
+    unit = variable.preferred_unit if is_own else _unit(table, variable)
     expected = "a distribution that a file can state: a file cannot contain a Python object"
     found = read_named_object(table, "distribution", expected)
-    table.take(SETTINGS)
+    if is_own:
+        table.take(SETTINGS)
     table.check_unknown_keys()
     if found is None:
         return None
-    here = found.value if isinstance(found.value, Distribution) else None
-    distribution = here or UnloadedDistribution(found.name)
-    return RandomInput(variable, distribution, variable.preferred_unit, found.name)
-
-
-def _parameters(table: TableReader) -> Iterator[tuple[str, float]]:
-    for key in table:
-        if key not in ("name", "unit"):
-            value = table.take(key)
-            if isinstance(value, int | float) and not isinstance(value, bool):
-                yield key, float(value)
-            else:
-                table.add_wrong(key, value, "a number, in the unit of the values")
+    distribution: Distribution
+    if is_own:
+        is_here = isinstance(found.value, Distribution)
+        distribution = found.value if is_here else UnloadedDistribution(found.name)
+    elif found.value is None:
+        table.add_wrong(OBJECT, found.name, expected)
+        return None
+    else:
+        distribution = FrozenDistribution(found.value, unit)
+    return RandomInput(variable, distribution, unit, found.name)
 
 
 def _unit(table: TableReader, variable: Input) -> str:
@@ -338,7 +331,12 @@ def _read_input(table: TableReader, variable: Input, stream: Stream) -> Entry | 
     try:
         spread = parse_spread(value, variable.unit) if isinstance(value, str) else None
         if spread is None:
-            return _fixed_input(table, variable, parse_quantity(value, variable.unit))
+            quantity = parse_quantity(value, variable.unit)
+            if variable.bounds.contain(np.array(quantity.value)):
+                return FixedInput(variable, quantity.value, quantity.unit)
+            where = "" if variable.unit == DIMENSIONLESS else f" {variable.unit}"
+            table.add_wrong(variable.name, value, f"a value {variable.bounds}{where}")
+            return None
         normal = Normal(spread.mean, spread.std)
         if _is_usable(table, variable.name, normal):
             return RandomInput(variable, normal, spread.unit, f"normal {value}")
@@ -352,15 +350,6 @@ def _read_input(table: TableReader, variable: Input, stream: Stream) -> Entry | 
     return None
 
 
-def _fixed_input(table: TableReader, variable: Input, quantity: Quantity) -> Entry | None:
-    if variable.bounds.contain(np.array(quantity.value)):
-        return FixedInput(variable, quantity.value, quantity.unit)
-    where = "" if variable.unit == DIMENSIONLESS else f" {variable.unit}"
-    expected = f"a value {variable.bounds}{where}"
-    table.add_wrong(variable.name, table.content[variable.name], expected)
-    return None
-
-
 def _read_random_input(table: TableReader, variable: Input, stream: Stream) -> Entry | None:
     """Read a random input from ``{ family = { … }, lower = …, upper = … }``."""
     family = _family(table)
@@ -371,10 +360,8 @@ def _read_random_input(table: TableReader, variable: Input, stream: Stream) -> E
         made = _read_measured(section, variable, stream)
     elif family in _FROZEN:
         made = read_frozen(section, variable, family)
-    elif family in DISTRIBUTIONS:
-        made = _read_distribution(section, variable, family)
     else:
-        made = _read_user_defined(section, variable, family)
+        made = _read_distribution(section, variable, family)
     limits = {key: table.quantity(key, variable.unit) for key in _LIMITS if key in table}
     if made is None or None in limits.values() or (limits and variable.unit is ANY_DIMENSION):
         return None
@@ -410,30 +397,25 @@ def _family(table: TableReader) -> str | None:
 
 
 def _read_distribution(table: TableReader, variable: Input, family: str) -> RandomInput | None:
-    """Read a random input from the parameters of its family."""
-    cls: type[Distribution] = resolve(DISTRIBUTIONS[family])
-    distribution = table.whole_settings(cls, like=variable.unit)
+    """Read a random input with a built-in distribution, or a user-defined one if it is trusted."""
+    distribution: Distribution | None
+    files: Files = ()
+    if family in DISTRIBUTIONS:
+        distribution = table.whole_settings(resolve(DISTRIBUTIONS[family]), like=variable.unit)
+    elif is_reference(family) and not table.trust:
+        distribution = UnloadedDistribution(family)
+    else:
+        distribution, files = read_member(table, (), family, DISTRIBUTION, variable.unit)
     if distribution is None:
         return None
-    return _random_input(table, variable, family, distribution)
-
-
-def _read_user_defined(table: TableReader, variable: Input, family: str) -> RandomInput | None:
-    """Read a random input whose distribution is a user-defined class; without trust, its name."""
-    if is_reference(family) and not table.trust:
-        return _random_input(table, variable, family, UnloadedDistribution(family))
-    distribution, files = read_member(table, (), family, DISTRIBUTION, variable.unit)
-    if distribution is None:
-        return None
-    return replace(_random_input(table, variable, family, distribution), files=files)
-
-
-def _random_input(
-    table: TableReader, variable: Input, family: str, distribution: Distribution
-) -> RandomInput:
+    # The unit of the first parameter as it is written.
+    unit = variable.preferred_unit
+    for value in filter(lambda each: isinstance(each, str), table.content.values()):
+        with suppress(QuantityError):
+            unit = parse_quantity(value, variable.unit).unit
+            break
     parameters = ", ".join(f"{name} {value}" for name, value in table.content.items())
-    unit = _first_unit(table.content, variable)
-    return RandomInput(variable, distribution, unit, f"{family}: {parameters}")
+    return RandomInput(variable, distribution, unit, f"{family}: {parameters}", files=files)
 
 
 def _is_usable(table: TableReader, key: str, distribution: Distribution) -> bool:
@@ -444,12 +426,3 @@ def _is_usable(table: TableReader, key: str, distribution: Distribution) -> bool
             key, "a distribution that is too wide or too narrow to draw from", expected
         )
     return distribution.is_finite
-
-
-def _first_unit(parameters: Mapping[str, Any], variable: Input) -> str:
-    """Return the unit of the first parameter as written in the study."""
-    for value in parameters.values():
-        if isinstance(value, str):
-            with suppress(QuantityError):
-                return parse_quantity(value, variable.unit).unit
-    return variable.preferred_unit

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,7 @@ from uqpen.core.lookup import choices
 from uqpen.core.model import Input, Model
 from uqpen.core.settings import as_float, number, read_each, read_list
 from uqpen.core.units import ANY_DIMENSION, DIMENSIONLESS, are_convertible, describe
-from uqpen.distributions.copulas import MEASURES, Dependence, EllipticalCopula, score_correlation
+from uqpen.distributions.copulas import MEASURES, EllipticalCopula, score_correlation
 from uqpen.distributions.input_group import (
     ChaospyJoint,
     ImplicitMarginal,
@@ -350,10 +350,17 @@ def read_dependence(
     table.check_unknown_keys()
     if parameters is None or len(table.problems) > noted:
         return joint
-    dependence = _build_copula(table, copula, given | parameters)
-    if dependence is None or inputs.unclear:
+    try:
+        dependence = copula(**given, **parameters)
+    except SettingsError as error:
+        for problem in error.problems:
+            if problem.path == ("matrix",):  # of all of it, in the problem's words
+                key = "matrix" if "matrix" in table else "pairs"
+                table.add_problem(key, problem.found, problem.expected)
+            else:
+                table.add_refused([problem])
         return joint
-    return replace(joint, dependence=dependence)
+    return joint if inputs.unclear else replace(joint, dependence=dependence)
 
 
 def _note_grouped(table: TableReader, owners: Mapping[str, str]) -> bool:
@@ -367,21 +374,6 @@ def _note_grouped(table: TableReader, owners: Mapping[str, str]) -> bool:
         found = f"{name}, whose joint distribution is [joint.{owners[name]}]"
         table.add_problem((), found, "inputs that [inputs] has")
     return bool(grouped)
-
-
-def _build_copula(
-    table: TableReader, copula: Callable[..., Dependence], parameters: dict[str, Any]
-) -> Dependence | None:
-    try:
-        return copula(**parameters)
-    except SettingsError as error:
-        for problem in error.problems:
-            if problem.path == ("matrix",):  # of all of it, in the problem's words
-                key = "matrix" if "matrix" in table else "pairs"
-                table.add_problem(key, problem.found, problem.expected)
-            else:
-                table.add_refused([problem])
-    return None
 
 
 def _joined_inputs(table: TableReader, inputs: Inputs) -> dict[str, Any]:

@@ -147,8 +147,10 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
     analyses = read_analyses(root)
     tables = {key: root.table(key, _expected(root, key)) for key in _TABLES}
     budget = check_budget(root, heading.budget)
-    if default := _default_designs(root, budget):
-        tables["designs"] = root.inside(default, "designs")
+    if has_data(root) and "designs" not in root:
+        tables["designs"] = root.inside(DEFAULT_DESIGNS, "designs")
+    elif budget is not None:
+        tables["designs"] = root.inside(STAND_IN, "designs")
     root.check_unknown_keys()
     model, models = derive_outputs(tables["outputs"], model, models)
     fields: dict[str, Any] = {
@@ -170,7 +172,12 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
         methods = _read_methods(tables, model if are_models_whole else None)
     designs, surrogates = methods.designs, methods.surrogates
     sources = frozenset({*tables["designs"], *tables["surrogates"]})
-    fields |= _read_sections(tables, StudyParts(model, sources, heading.confidence_level))
+    parts = StudyParts(model, sources, heading.confidence_level)
+    fields |= {
+        section.field: resolve(section.reader)(tables[key], parts)
+        for key, section in SECTIONS.items()
+        if section.reader
+    }
     quantities = fields["quantities_of_interest"]
     check_variants(root, models, {entry.variable.name for entry in joint.random})
     check_surrogates(tables["surrogates"], surrogates, designs, model, joint if is_clear else None)
@@ -207,15 +214,6 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
         left_out=heading.left_out,
         **fields,
     )
-
-
-def _read_sections(tables: Mapping[str, TableReader], parts: StudyParts) -> dict[str, Any]:
-    """Return the values of the sections that have a reader, by the fields of a study."""
-    return {
-        section.field: resolve(section.reader)(tables[key], parts)
-        for key, section in SECTIONS.items()
-        if section.reader
-    }
 
 
 class _Methods(NamedTuple):
@@ -267,13 +265,6 @@ def _read_joint(
         missing = _note_missing(tables["inputs"], model, variants, given)
         inputs = Inputs(inputs.joint, inputs.unclear | missing)
     return inputs, read_dependence(tables["dependence"], inputs, groups.owners), is_clear
-
-
-def _default_designs(root: TableReader, budget: int | None) -> dict[str, Any]:
-    """Return the tables of the designs of a study that states none; empty if it has to."""
-    if has_data(root) and "designs" not in root:
-        return DEFAULT_DESIGNS
-    return {} if budget is None else STAND_IN
 
 
 def _expected(root: TableReader, key: str) -> str:

@@ -463,11 +463,9 @@ class ModelsTogether(Model):
     further_inputs: tuple[Input, ...]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "name", self.first.name)
         object.__setattr__(self, "inputs", (*self.first.inputs, *self.further_inputs))
-        object.__setattr__(self, "outputs", self.first.outputs)
-        object.__setattr__(self, "alternatives", self.first.alternatives)
-        object.__setattr__(self, "derived", self.first.derived)
+        for name in ("name", "outputs", "alternatives", "derived"):
+            object.__setattr__(self, name, getattr(self.first, name))
 
     def evaluate(self, inputs: Arrays) -> Results:
         """Refuse to run: each model of the study is run by itself."""

@@ -365,7 +365,10 @@ def command_draft(words: Sequence[str], template: Path | None, reference: str) -
     model = [f"command = {json.dumps(list(words), ensure_ascii=False)}"]
     model.append('# time_limit = "10 min"  # of one run')
     if template:
-        file = json.dumps(_run_file(template), ensure_ascii=False)
+        # Of "input.txt.template", the run has "input.txt".
+        endings = (each for each in _ENDINGS if template.name.endswith(each))
+        bare = template.name.removesuffix(next(endings, ""))
+        file = json.dumps(bare or template.name, ensure_ascii=False)
         model += ["\n[model.templates]", f"{file} = {json.dumps(reference, ensure_ascii=False)}"]
     writes_json = "{outputs}" in text
     return Draft(
@@ -385,13 +388,6 @@ def _read(path: Path) -> str:
         raise ModelError(f"{path}: cannot be read: {error.strerror}") from None
     except UnicodeDecodeError:
         raise ModelError(f"{path}: is not UTF-8") from None
-
-
-def _run_file(template: Path) -> str:
-    """Return the name of the file that a template makes in the folder of a run."""
-    name = template.name
-    ending = next((each for each in _ENDINGS if name.endswith(each) and name != each), "")
-    return name.removesuffix(ending) if ending else name
 
 
 # What uqpen does with columns that are neither input nor output.

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from uqpen.core.catalogue import REQUESTED
 from uqpen.core.errors import ModelError, Problem, QuantityError, SettingsError, toml_text
-from uqpen.core.labels import LARGEST_CONTRIBUTION, NAME, RESERVED
+from uqpen.core.labels import LARGEST_CONTRIBUTION, NAME
 from uqpen.core.lookup import choices, installed_members, load_installed, resolve
 from uqpen.core.model import Model, Output
 from uqpen.core.quantities import parse_quantity
@@ -34,6 +34,7 @@ from uqpen.study.table_reader import (
     TableReader,
     check_names,
     family_member,
+    is_variable_name,
     named_tables,
 )
 
@@ -93,15 +94,22 @@ def derive_outputs(
         ):
             continue
         declared = _read_declared(table.table(name), name, model)
-        outputs = _derived(declared) if declared else (_unclear(name),)
+        if declared:
+            outputs = derived_outputs(*declared)
+        else:  # of any dimension, as its declaration has a mistake
+            outputs = (DerivedOutput(Output(name, ANY_DIMENSION), "", Maximum()),)
         if _has_free_names(table, outputs, known):
             derived += outputs
             found += [declared] if declared else []
             known.update(each.output.name for each in outputs)
-    changed = {
-        name: replace(variant, model=variant.model.with_derived([*_of_model(variant.model, found)]))
-        for name, variant in variants.items()
-    }
+    changed = {}
+    for label, variant in variants.items():
+        own = {output.name: output for output in variant.model.outputs}
+        fields = [
+            each._replace(field=own[each.field.name]) for each in found if each.field.name in own
+        ]
+        of_model = [output for each in fields for output in derived_outputs(*each)]
+        changed[label] = replace(variant, model=variant.model.with_derived(of_model))
     return model.with_derived(derived), changed
 
 
@@ -124,36 +132,15 @@ def _requests_table(table: TableReader, output: Output, model: Model) -> TableRe
     return section
 
 
-def _of_model(model: Model, found: Sequence[_Declared]) -> Iterator[DerivedOutput]:
-    """Yield the outputs that follow from fields of a model."""
-    own = {output.name: output for output in model.outputs}
-    for each in found:
-        if each.field.name in own:
-            yield from _derived(each._replace(field=own[each.field.name]))
-
-
-def _derived(declared: _Declared) -> tuple[DerivedOutput, ...]:
-    return derived_outputs(*declared)
-
-
-def _unclear(name: str) -> DerivedOutput:
-    """Return an output whose declaration has a mistake."""
-    return DerivedOutput(Output(name, ANY_DIMENSION), "", Maximum())
-
-
 def _has_free_names(table: TableReader, derived: Sequence[DerivedOutput], known: set[str]) -> bool:
     """Check the names of a derived output and its companion; note one that is taken."""
     first, names = derived[0].output.name, [each.output.name for each in derived]
-    if not NAME.match(first) or first in RESERVED:
-        others = ", ".join(sorted(RESERVED))
-        expected = f"a name of letters, digits and _, at most 100, none of {others}"
-        table.add_wrong(first, first, expected)
-    elif taken := [name for name in names if name in known]:
+    if not is_variable_name(table, first):
+        return False
+    if taken := [name for name in names if name in known]:
         found = f'an output "{taken[0]}", a name that the study has already'
         table.add_problem(first, found, "a name of its own")
-    else:
-        return True
-    return False
+    return not taken
 
 
 def _read_declared(table: TableReader, name: str, model: Model) -> _Declared | None:
@@ -202,7 +189,12 @@ def _way(table: TableReader, field: Output) -> str:
 def _read_reduction(table: TableReader, key: str, field: Output) -> Reduction | None:
     """Read a reduction by the key that names it; None where a mistake was noted."""
     if key == _AT:
-        return _read_place(table, field)
+        places = table.table(_AT, f"a table of coordinates, such as {_EXAMPLE}")
+        if not places.is_given:
+            return None
+        read = {each.name: places.quantity(each.name, each.unit) for each in field.dims}
+        places.check_unknown_keys("dimension")
+        return At(tuple((name, value) for name, value in read.items() if value is not None))
     if key == _TAKE:
         family = {name: each for name, each in REDUCTIONS.items() if name != _AT}
         kind = family_member(table, key, family, "something to take")
@@ -215,16 +207,6 @@ def _read_reduction(table: TableReader, key: str, field: Output) -> Reduction | 
             table.add_wrong(key, place, f"one of {', '.join(_PLACES)}")
     reduction: Reduction | None = kind and table.settings(kind, like=field.unit)
     return reduction
-
-
-def _read_place(table: TableReader, field: Output) -> At | None:
-    """Read the coordinates of a place; None where one has a mistake."""
-    places = table.table(_AT, f"a table of coordinates, such as {_EXAMPLE}")
-    if not places.is_given:
-        return None
-    read = {each.name: places.quantity(each.name, each.unit) for each in field.dims}
-    places.check_unknown_keys("dimension")
-    return At(tuple((name, value) for name, value in read.items() if value is not None))
 
 
 def _check_unit(table: TableReader, unit: str) -> None:

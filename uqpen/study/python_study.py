@@ -218,24 +218,6 @@ def is_data(value: object) -> bool:
     return isinstance(value, pd.DataFrame | xr.Dataset)
 
 
-def _data_table(data: Any, units: Mapping[str, str], outputs: Iterable[str]) -> dict[str, Any]:
-    """Return the table of a study file that declares runs as its data file.
-
-    Parameters
-    ----------
-    data : DataFrame or Dataset
-        A column ``name [unit]`` or a variable along one dimension for each input and output.
-    units : mapping of str to str
-        The units that the study states for inputs and outputs. They are those of columns without a
-        unit; others are units for display.
-    outputs : iterable of str
-        The outputs. All other columns are inputs, but for those with a meaning of their own.
-    """
-    known = dict(_parts(heading) for heading in map(str, _frame(data).columns))
-    without = {name: unit for name, unit in units.items() if known.get(name) == ""}
-    return {"data": _NAME, "outputs": list(outputs), "units": without or None}
-
-
 def _parts(heading: str) -> tuple[str, str]:
     try:
         name, unit = heading_parts(heading, _NAME)
@@ -280,13 +262,6 @@ def _with_joint_tables(arguments: Mapping[str, Any]) -> dict[str, Any]:
             tables[paths[names][1]] = _table({"inputs": list(names), "chaospy": value})
     found = {**arguments, "inputs": single or None, "joint": tables or None}
     return {name: value for name, value in found.items() if value is not None}
-
-
-def _find_tuple_faults(inputs: object) -> Iterator[Problem]:
-    """Yield the problems of the entries of inputs under a tuple of names."""
-    for names, value in inputs.items() if isinstance(inputs, Mapping) else ():
-        if isinstance(names, tuple) and (fault := _tuple_fault(names, value)):
-            yield Problem(("inputs", str(names)), *fault)
 
 
 def _tuple_fault(names: tuple[Any, ...], value: object) -> tuple[str, str] | None:
@@ -375,22 +350,42 @@ class StudyContent:
         self.objects: dict[tuple[str | int, ...], Any] = {}
         self.problems: list[Problem] = []
         given = {name: arguments[name] for name in SECTIONS if arguments.get(name) is not None}
-        self.problems += _find_tuple_faults(given.get("inputs"))
+        self.problems += [
+            Problem(("inputs", str(names)), *fault)
+            for names, value in _items(given.get("inputs"))
+            if isinstance(names, tuple) and (fault := _tuple_fault(names, value))
+        ]
         given = _with_joint_tables(given)
         model = given.get("model")
+        units_of = {
+            str(name): list(dict.fromkeys(_units(_declaration(value, folder) or value)))
+            for name, value in _items(given.get("inputs"))
+        }
         if is_data(model):
             self.objects["model",] = _frame(model).to_csv(index=False).encode("utf-8")
             outputs = {str(name): _output_unit(value) for name, value in _model_outputs(given)}
-            units = {**dict(self._input_units(given)), **outputs}
-            given["model"] = _data_table(model, units, outputs)
+            units = {name: each[0] for name, each in units_of.items() if each} | outputs
+            # Units of columns without one; others are units for display.
+            headings = map(str, _frame(model).columns)
+            bare = {name for name, unit in map(_parts, headings) if not unit}
+            stated = {name: unit for name, unit in units.items() if name in bare}
+            given["model"] = {"data": _NAME, "outputs": list(outputs), "units": stated or None}
         elif callable(model) and not isinstance(model, PythonModel):
-            given["model"] = self._bare_function(model, given)
-            if "outputs" in given:
-                given["outputs"] = _without_fields(given["outputs"])
+            given["model"] = self._bare_function(model, given, units_of)
+            if isinstance(given.get("outputs"), Mapping):
+                # Without the dimensions, which the model declares.
+                given["outputs"] = {
+                    name: value.without_model_part() if isinstance(value, OutputSpec) else value
+                    for name, value in given["outputs"].items()
+                }
         self.content: dict[str, Any] = {
             name: self._value(value, (name,)) for name, value in given.items()
         }
-        self._expand_outputs()
+        expanded = self.content.get("outputs")
+        if isinstance(expanded, dict):
+            # An output that is given by its unit alone is a table.
+            units = {name: each for name, each in expanded.items() if isinstance(each, str)}
+            expanded |= {name: {"unit": unit} for name, unit in units.items()}
 
     def _value(self, value: Any, path: tuple[str | int, ...]) -> Any:
         """Return a value of TOML; note a problem and return an empty text where there is none."""
@@ -435,33 +430,23 @@ class StudyContent:
             if value is not None
         }
 
-    def _bare_function(self, function: Callable[..., Any], given: Mapping[str, Any]) -> PythonModel:
+    def _bare_function(
+        self,
+        function: Callable[..., Any],
+        given: Mapping[str, Any],
+        units_of: Mapping[str, Sequence[str]],
+    ) -> PythonModel:
         """Return a model with the units in which the study states its inputs and outputs."""
         inputs = {}
-        for name, value in _items(given.get("inputs")):
-            units = list(dict.fromkeys(_units(_declaration(value, self.folder) or value)))
-            inputs[str(name)] = units[0] if units else DIMENSIONLESS
+        for name, units in units_of.items():
+            inputs[name] = units[0] if units else DIMENSIONLESS
             if len(units) > 1 and all(are_convertible(units[0], unit) for unit in units):
                 expected = "one unit, in which the function takes it; or a uqpen.PythonModel"
                 found = f"values in {' and '.join(units)}"
-                self.problems.append(Problem(("inputs", str(name)), found, expected))
+                self.problems.append(Problem(("inputs", name), found, expected))
         inputs |= dict(_joint_units(given.get("joint")))
         outputs = {str(name): _model_output(value) for name, value in _model_outputs(given)}
         return PythonModel(function, inputs, outputs)
-
-    def _input_units(self, given: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-        """Yield each input whose value or distribution has a unit, with the first that it has."""
-        for name, value in _items(given.get("inputs")):
-            for unit in itertools.islice(_units(_declaration(value, self.folder) or value), 1):
-                yield str(name), unit
-
-    def _expand_outputs(self) -> None:
-        """Expand an output that is given by its unit alone to a table."""
-        outputs = self.content.get("outputs")
-        if isinstance(outputs, dict):
-            for name, value in outputs.items():
-                if isinstance(value, str):
-                    outputs[name] = {"unit": value}
 
 
 def _as_builtin(value: Any) -> Any:
@@ -480,7 +465,9 @@ def _declaration(value: object, folder: Path) -> dict[str, Any] | None:
     if distribution := value if isinstance(value, Distribution) else as_frozen(value):
         return _distribution_table(distribution, folder)
     if isinstance(value, Dependence) and (name := family_name(COPULAS, value)):
-        return {"copula": name, **_copula_fields(value)}
+        names = [field.name for field in dataclasses.fields(value)]  # type: ignore[arg-type]
+        measure = {"of": value.measures[0]} if isinstance(value, EllipticalCopula) else {}
+        return {"copula": name, **measure, **{key: getattr(value, key) for key in names}}
     if isinstance(value, OutputSpec):
         return value.table()
     if isinstance(value, Precision):
@@ -501,12 +488,6 @@ def _declaration(value: object, folder: Path) -> dict[str, Any] | None:
             reference = class_reference(value, folder, defined)
             return {"kind": reference, **written_settings(value)} if reference else {OBJECT: value}
     return _model_table(value, folder) if isinstance(value, Model) else None
-
-
-def _copula_fields(copula: Dependence) -> dict[str, Any]:
-    names = [field.name for field in dataclasses.fields(copula)]  # type: ignore[arg-type]
-    measure = {"of": copula.measures[0]} if isinstance(copula, EllipticalCopula) else {}
-    return measure | {name: getattr(copula, name) for name in names}
 
 
 def _model_table(model: Model, folder: Path) -> dict[str, Any]:
@@ -567,16 +548,6 @@ def _model_outputs(given: Mapping[str, Any]) -> Iterator[tuple[Any, Any]]:
     for name, value in _items(given.get("outputs")):
         if not is_derived(value.table() if isinstance(value, OutputSpec) else value):
             yield name, value
-
-
-def _without_fields(outputs: object) -> object:
-    """Return the outputs of a study without the dimensions, which the model declares."""
-    if not isinstance(outputs, Mapping):
-        return outputs
-    return {
-        name: value.without_model_part() if isinstance(value, OutputSpec) else value
-        for name, value in outputs.items()
-    }
 
 
 def _model_output(value: object) -> str | OutputSpec:

@@ -57,18 +57,14 @@ def input_rows(study: ValidatedStudy) -> Rows:
         rows.append((entry.variable.name, text))
     if isinstance(study.model, DataModel):
         stated = {entry.variable.name for entry in study.joint.inputs}
-        rows += [row for row in _data_rows(study.model) if row[0] not in stated]
-    return rows
-
-
-def _data_rows(model: DataModel) -> Rows:
-    """Return the name of each input of a data file with the range of its values."""
-    rows: Rows = []
-    for variable in model.inputs:
-        values = scale(variable.preferred_unit).from_si(model.points[variable.name])
-        unit = "" if variable.preferred_unit == DIMENSIONLESS else f" {variable.preferred_unit}"
-        text = f"{values.min():.4g} to {values.max():.4g}{unit} in {model.name}"
-        rows.append((variable.name, text))
+        for variable in study.model.inputs:
+            if variable.name in stated:
+                continue
+            points = study.model.points[variable.name]
+            values = scale(variable.preferred_unit).from_si(points)
+            unit = "" if variable.preferred_unit == DIMENSIONLESS else f" {variable.preferred_unit}"
+            text = f"{values.min():.4g} to {values.max():.4g}{unit} in {study.model.name}"
+            rows.append((variable.name, text))
     return rows
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 from uqpen.core.errors import Problem, QuantityError, SettingsError, toml_text
-from uqpen.core.labels import NAME
+from uqpen.core.labels import NAME, RESERVED
 from uqpen.core.lookup import choices, resolve
 from uqpen.core.model import Model
 from uqpen.core.quantities import parse_quantity
@@ -24,6 +24,7 @@ __all__ = [
     "TableReader",
     "check_names",
     "family_member",
+    "is_variable_name",
     "named_tables",
     "read_named_object",
 ]
@@ -264,6 +265,16 @@ def check_names(table: TableReader, known: Collection[str], what: str, model: Mo
             expected = f"an {what} of {model.name}; {table.suggest(name, known)}"
             table.add_problem(name, f"an unknown {what}", expected)
     return [name for name in table if name in known]
+
+
+def is_variable_name(table: TableReader, name: str) -> bool:
+    """Check that a key of a table can be the name of an input or output; note it if not."""
+    is_name = bool(NAME.match(name)) and name not in RESERVED
+    if not is_name:
+        others = ", ".join(sorted(RESERVED))
+        expected = f"a name of letters, digits and _, at most 100, none of {others}"
+        table.add_wrong(name, name, expected)
+    return is_name
 
 
 def named_tables(table: TableReader) -> Iterator[tuple[str, TableReader]]:

@@ -6,7 +6,6 @@ import contextlib
 import dataclasses
 import inspect
 import sys
-import tomllib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import ModuleType
@@ -42,13 +41,11 @@ __all__ = [
     "class_reference",
     "installed_names",
     "is_reference",
-    "object_members",
-    "object_surrogates",
+    "named_objects",
+    "named_references",
     "read_class",
     "read_instance",
     "read_member",
-    "referenced_members",
-    "referenced_surrogates",
     "user_defined_objects",
 ]
 
@@ -196,7 +193,12 @@ def read_instance(
     try:
         cls, surroundings = load_class(name, table.folder, kind)
         with surroundings.loading() if surroundings else contextlib.nullcontext():
-            made: Any = _make(cls, table, like)
+            made: Any
+            if dataclasses.is_dataclass(cls):
+                made = table.whole_settings(cls, like)
+            else:
+                table.check_unknown_keys()
+                made = cls()
         if isinstance(made, Distribution):
             _try_distribution(made)
     except ModelError as error:
@@ -245,14 +247,6 @@ def load_class(name: str, folder: Path, kind: Kind) -> tuple[type, ModelFolder |
     return cls, None
 
 
-def _make(cls: type, table: TableReader, like: str) -> object:
-    """Return an instance of a class with the settings of a table; None where one is wrong."""
-    if dataclasses.is_dataclass(cls):
-        return table.whole_settings(cls, like)
-    table.check_unknown_keys()
-    return cls()
-
-
 def _member_class(module: ModuleType, attribute: str, reference: str, kind: Kind) -> type:
     cls = getattr(module, attribute, None)
     if not isinstance(cls, type):
@@ -296,44 +290,36 @@ def class_reference(member: object, folder: Path, kind: Kind) -> str:
     return next((name for name, known in installed.items() if known == reference), reference)
 
 
-def referenced_members(content: Mapping[str, Any]) -> list[str]:
-    """Return the references of designs, then of distributions, in the content of a study."""
-    kinds = [table.get("kind") for table in _tables(content, "designs")]
-    families = [family for table in _tables(content, "inputs") for family in table]
-    return list(dict.fromkeys(str(name) for name in [*kinds, *families] if is_reference(name)))
+def named_references(content: Mapping[str, Any], *sections: str) -> list[str]:
+    """Return the references of user-defined classes in sections of a study, each once."""
+    names: list[Any] = []
+    for section in sections:
+        for table in _tables(content, section):
+            # The name of a distribution is a key.
+            names += table if section == "inputs" else [table.get("kind")]
+    return list(dict.fromkeys(str(name) for name in names if is_reference(name)))
 
 
-def referenced_surrogates(content: Mapping[str, Any]) -> list[str]:
-    """Return the references of surrogates in the content of a study; they decide no runs."""
-    kinds = [table.get("kind") for table in _tables(content, "surrogates")]
-    return list(dict.fromkeys(str(kind) for kind in kinds if is_reference(kind)))
+def named_objects(content: Mapping[str, Any], *sections: str) -> list[str]:
+    """Return the Python objects that sections of a study name."""
+    names: list[Any] = []
+    for section in sections:
+        for table in _tables(content, section):
+            named = table.get(OBJECT)
+            if section == "inputs":
+                named = named.get(OBJECT) if isinstance(named, dict) else None
+            names.append(named)
+    return [str(name) for name in names if name is not None]
 
 
-def object_surrogates(content: Mapping[str, Any]) -> list[str]:
-    """Return the surrogates in the content of a study that are Python objects."""
-    named = [table.get(OBJECT) for table in _tables(content, "surrogates")]
-    return [str(name) for name in named if name is not None]
-
-
-def object_members(content: Mapping[str, Any]) -> list[str]:
-    """Return the designs and distributions in the content of a study that are Python objects."""
-    named = [table.get(OBJECT) for table in _tables(content, "designs")]
-    for table in _tables(content, "inputs"):
-        inner = table.get(OBJECT)
-        named.append(inner.get(OBJECT) if isinstance(inner, dict) else None)
-    named += [table.get(OBJECT) for table in _tables(content, "joint")]
-    return [str(name) for name in named if name is not None]
-
-
-def user_defined_objects(text: str) -> list[str]:
+def user_defined_objects(content: Mapping[str, Any]) -> list[str]:
     """Return the objects of user's classes: those of other libraries are known by their text."""
-    content = tomllib.loads(text)
     inputs = {
         name: table
         for name, table in content.get("inputs", {}).items()
         if isinstance(table, dict) and SETTINGS in table.get(OBJECT, {})
     }
-    return object_members({**content, "inputs": inputs, "joint": {}})
+    return named_objects({**content, "inputs": inputs}, "designs", "inputs")
 
 
 def _tables(content: Mapping[str, Any], key: str) -> list[dict[str, Any]]:
@@ -346,7 +332,8 @@ def _class_fault(cls: object, kind: Kind) -> str:
     """Return why something cannot be a member of a family; empty where it can."""
     if not isinstance(cls, type) or not issubclass(cls, kind.base):
         return f"does not derive from {kind.base.__name__}"
-    if not (kind.can_lack_settings and _lacks_settings(cls)) and not (
+    is_bare = not dataclasses.is_dataclass(cls) and cls.__init__ is object.__init__
+    if not (kind.can_lack_settings and is_bare) and not (
         dataclasses.is_dataclass(cls) and cls.__dataclass_params__.frozen  # type: ignore[attr-defined]
     ):
         return "is no frozen dataclass"
@@ -358,7 +345,3 @@ def _class_fault(cls: object, kind: Kind) -> str:
     others = [field.name for field in dataclasses.fields(cls) if field.init]
     undeclared = [name for name in others if name not in declared]
     return f"has fields that are no settings: {', '.join(undeclared)}" if undeclared else ""
-
-
-def _lacks_settings(cls: type) -> bool:
-    return not dataclasses.is_dataclass(cls) and cls.__init__ is object.__init__  # type: ignore[misc]

@@ -18,7 +18,7 @@ from uqpen.core.arrays import FloatArray
 from uqpen.core.columns import heading_parts
 from uqpen.core.errors import ModelError, Problem, QuantityError, SettingsError, TableError
 from uqpen.core.files import FileSnapshot
-from uqpen.core.labels import NAME, RESERVED
+from uqpen.core.labels import NAME
 from uqpen.core.lookup import choices
 from uqpen.core.model import Dimension, Input, Output
 from uqpen.core.settings import (
@@ -39,7 +39,7 @@ from uqpen.distributions.measurements import Measurements
 from uqpen.models.command.output_readers import UnreadableError, blank_column, parse_number
 from uqpen.models.run_grid import INTERPOLATIONS, NO_INTERPOLATION, FieldSources, RunGrid
 from uqpen.study.document import inner_table
-from uqpen.study.table_reader import TableReader
+from uqpen.study.table_reader import TableReader, is_variable_name
 
 __all__ = [
     "Variables",
@@ -51,30 +51,7 @@ __all__ = [
 _WITH_UNITS = (".csv", ".nc")
 
 
-class _FileCoordinates(NamedTuple):
-    """Coordinates in a file.
-
-    Attributes
-    ----------
-    values : ndarray, shape (place,)
-        In SI units, as they stand there.
-    unit : str
-        The unit that the study or the file states.
-    file : FileSnapshot
-        The file.
-    place : str
-        The file and the column, for a message.
-    """
-
-    values: FloatArray
-    unit: str
-    file: FileSnapshot
-    place: str
-
-
-def _read_coordinates_file(
-    path: Path, column: str | int | None, unit: str | None
-) -> _FileCoordinates:
+def _read_coordinates_file(path: Path, column: str | int | None, unit: str | None) -> _Found:
     """Read a column of a file.
 
     Parameters
@@ -101,12 +78,12 @@ def _read_coordinates_file(
     place = f'column "{found.heading}" of "{path.name}"'
     if unit is not None and found.unit == DIMENSIONLESS:
         values = np.asarray(scale(unit).array_to_si(found.load()))
-        return _FileCoordinates(values, unit, measurements.source, place)
+        return _Found(values, unit, "file", place, measurements.source)
     shown = unit or found.unit
-    return _FileCoordinates(found.values(shown), shown, measurements.source, place)
+    return _Found(found.values(shown), shown, "file", place, measurements.source)
 
 
-def _read_table(path: Path, column: str | int | None, unit: str) -> _FileCoordinates:
+def _read_table(path: Path, column: str | int | None, unit: str) -> _Found:
     try:
         content = path.read_bytes()
         text = content.decode("utf-8-sig")
@@ -127,7 +104,7 @@ def _read_table(path: Path, column: str | int | None, unit: str) -> _FileCoordin
     except UnreadableError as error:
         raise TableError(str(error)) from None
     values = np.asarray(scale(unit).array_to_si(np.array(numbers, dtype=np.float64)))
-    return _FileCoordinates(values, unit, FileSnapshot.from_content(path, content), place)
+    return _Found(values, unit, "file", place, FileSnapshot.from_content(path, content))
 
 
 # Returns the coordinates that a model's code has under a name, in the unit of the dimension; None
@@ -207,12 +184,16 @@ class _Coordinates:
 
 
 class _Found(NamedTuple):
-    """Coordinates in SI units, the unit to show them in, and the key and place that they are of."""
+    """Coordinates in SI units, the unit to show them in, and the key and place that they are of.
+
+    The place is text for a message; `file` is the file that they stand in, if they do.
+    """
 
     values: FloatArray
     unit: str
     key: str
     place: str = ""
+    file: FileSnapshot | None = None
 
 
 @dataclass(eq=False)
@@ -268,7 +249,15 @@ class _DimensionsReader:
         """Find the coordinates where the settings say; None where a mistake was noted."""
         unit = settings.unit or DIMENSIONLESS
         if settings.file is not None:
-            return self._read_file(section, settings.file, settings.column, settings.unit)
+            try:
+                found = _read_coordinates_file(settings.file, settings.column, settings.unit)
+            except TableError as error:
+                expected = "a CSV, NetCDF or blank-separated file with a column of coordinates"
+                section.add_problem("file", str(error), expected)
+                return None
+            if found.file is not None:
+                self.files[settings.file] = found.file
+            return found
         if settings.from_model is None:
             return _Found(_in_si(settings.stated(), unit), unit, "")
         if self.from_model is None:
@@ -283,18 +272,6 @@ class _DimensionsReader:
         if values is None:
             return None
         return _Found(_in_si(values, unit), unit, _FROM_MODEL, f'"{settings.from_model}"')
-
-    def _read_file(
-        self, section: TableReader, path: Path, column: str | int | None, unit: str | None
-    ) -> _Found | None:
-        try:
-            found = _read_coordinates_file(path, column, unit)
-        except TableError as error:
-            expected = "a CSV, NetCDF or blank-separated file with a column of coordinates"
-            section.add_problem("file", str(error), expected)
-            return None
-        self.files[path] = found.file
-        return _Found(found.values, found.unit, "file", found.place)
 
 
 def dimensions_from_model(model: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
@@ -379,8 +356,15 @@ def _read_dimensions(
     """Read the dimensions of an output, often none; None where one is not known."""
     found: list[Dimension | None]
     if isinstance(table.content.get(_ALONG), list):
-        names = enumerate(table.entries(_ALONG))
-        found = [_shared(table, position, name, dimensions) for position, name in names]
+        found = []
+        for position, name in enumerate(table.entries(_ALONG)):
+            is_known = isinstance(name, str) and name in dimensions.shared
+            found.append(dimensions.shared[name] if is_known else None)
+            if not is_known:
+                shared = dimensions.shared
+                known = choices(str(name), shared) if shared else "there is none"
+                expected = f"a dimension of [model.dimensions]; {known}"
+                table.add_wrong((_ALONG, position), name, expected)
     else:
         written = table.content.get(_ALONG)
         if written is not None and not isinstance(written, dict):
@@ -399,17 +383,6 @@ def _read_dimensions(
         table.add_problem(_ALONG, f"{values:_} values", f"at most {_MOST_VALUES:_} in one run")
         return None
     return dims if len(dims) == len(found) else None
-
-
-def _shared(
-    table: TableReader, position: int, name: object, dimensions: _DimensionsReader
-) -> Dimension | None:
-    """Return the shared dimension that an entry of a list names; None where it is not known."""
-    if isinstance(name, str) and name in dimensions.shared:
-        return dimensions.shared[name]
-    known = choices(str(name), dimensions.shared) if dimensions.shared else "there is none"
-    table.add_wrong((_ALONG, position), name, f"a dimension of [model.dimensions]; {known}")
-    return None
 
 
 def _read_grid(table: TableReader, output: Output, variables: Collection[str]) -> RunGrid | None:
@@ -496,12 +469,19 @@ def read_variables(table: TableReader, from_model: _ModelCoordinates | None = No
     section, dimensions = table.table("outputs"), _DimensionsReader(from_model)
     dimensions.read_shared(table)
     fields = [
-        _output(section, Output(name, si, display_unit=unit), dimensions)
+        _read_field(section.table(name), made, dimensions)
+        if isinstance(section.content[name], dict)
+        else made
         for name, si, unit in outputs
+        for made in [Output(name, si, display_unit=unit)]
     ]
     names = [name for name, *_ in (*inputs, *outputs)]
     _check_dimensions(section, fields, names)
-    grids = {output.name: _grid(section, output, names) for output in fields}
+    grids = {
+        output.name: _read_grid(section.table(output.name), output, names)
+        for output in fields
+        if isinstance(section.content[output.name], dict)
+    }
     return Variables(
         tuple(Input(name, si, display_unit=unit) for name, si, unit in inputs),
         tuple(fields),
@@ -523,10 +503,8 @@ def _variables(table: TableReader, key: str, units: dict[str, str]) -> Iterator[
         is_table = key == "outputs" and isinstance(written, dict)
         unit = written.get("unit") if is_table else written
         path = (name, "unit") if is_table and "unit" in written else (name,)
-        if not NAME.match(name) or name in RESERVED:
-            others = ", ".join(sorted(RESERVED))
-            expected = f"a name of letters, digits and _, at most 100, none of {others}"
-            section.add_wrong(name, name, expected)
+        if not is_variable_name(section, name):
+            pass  # of any dimension
         elif name in units:
             section.add_problem(name, "an output with the name of an input", "names that differ")
         elif not isinstance(unit, str):
@@ -542,17 +520,3 @@ def _variables(table: TableReader, key: str, units: dict[str, str]) -> Iterator[
                 yield name, units[name]
                 continue
         yield name, ANY_DIMENSION
-
-
-def _output(section: TableReader, output: Output, dimensions: _DimensionsReader) -> Output:
-    """Return an output with the dimensions that its table declares, if it is given by a table."""
-    if not isinstance(section.content[output.name], dict):
-        return output
-    return _read_field(section.table(output.name), output, dimensions)
-
-
-def _grid(section: TableReader, output: Output, names: Collection[str]) -> RunGrid | None:
-    """Return the grid on which every run has an output, if its table names one."""
-    if not isinstance(section.content[output.name], dict):
-        return None
-    return _read_grid(section.table(output.name), output, names)

@@ -54,7 +54,11 @@ def input_array(variable: Input, given: Any) -> xr.DataArray:
     """
     try:
         if isinstance(given, xr.DataArray):
-            values = given.copy(data=_from_unit(given, variable))
+            unit = str(given.attrs.get("units", variable.unit))
+            if not are_convertible(unit, variable.unit):
+                raise QuantityError(f'an array in "{unit}"', describe(variable.unit))
+            in_si = scale(unit).array_to_si(_numbers(given.values, variable))
+            values = given.copy(data=in_si)
         else:
             numbers = _numbers(given, variable)
             if numbers.ndim > 1:
@@ -67,14 +71,6 @@ def input_array(variable: Input, given: Any) -> xr.DataArray:
         raise QuantityError(f"{variable.name} with values that are not finite", "finite numbers")
     attributes = {"units": variable.unit, "display_units": variable.preferred_unit}
     return values.drop_attrs().assign_attrs(long_name=variable.title, **attributes)
-
-
-def _from_unit(given: xr.DataArray, variable: Input) -> FloatArray:
-    unit = str(given.attrs.get("units", variable.unit))
-    if not are_convertible(unit, variable.unit):
-        raise QuantityError(f'an array in "{unit}"', describe(variable.unit))
-    converted: FloatArray = scale(unit).array_to_si(_numbers(given.values, variable))
-    return converted
 
 
 def _numbers(given: Any, variable: Input) -> FloatArray:
@@ -443,6 +439,3 @@ def _like(
         (*some.dims, *along),
         attrs=attributes,
     )
-
-
-# Stand-in for a user-defined surrogate whose code is not executed.

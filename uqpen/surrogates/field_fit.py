@@ -107,7 +107,10 @@ class PrincipalComponents:
         )
         rank = int((sizes > sizes[0] * max(values.shape) * np.finfo(float).eps).sum())
         kept = _kept(sizes[:rank] ** 2, wanted)
-        components = _with_sign(shapes[:kept] / np.sqrt(weights))
+        components = shapes[:kept] / np.sqrt(weights)
+        # The largest value of each is above 0.
+        largest = np.abs(components).argmax(axis=1)
+        components *= np.sign(components[np.arange(kept), largest])[:, None]
         is_constant = (values == values[0]).all(axis=0)
         # No rounding may look like scatter.
         mean, components = np.where(is_constant, values[0], mean), components * ~is_constant
@@ -163,13 +166,6 @@ def _kept(variances: FloatArray, wanted: float) -> int:
     return min(int(np.searchsorted(shares, wanted)) + 1, len(variances))
 
 
-def _with_sign(components: FloatArray) -> FloatArray:
-    """Turn each component so that its largest value is above 0."""
-    largest = np.abs(components).argmax(axis=1)
-    signs: FloatArray = np.sign(components[np.arange(len(components)), largest])
-    return components * signs[:, None]
-
-
 # A model with the scores of its fields in their place: scalars, which any surrogate fits.
 
 # No name of an output has a dot.
@@ -209,7 +205,15 @@ class ScoreModel(Model):
     @property
     def outputs(self) -> tuple[Output, ...]:  # type: ignore[override]
         """Scalar outputs of the original model, and scores in place of each field."""
-        return tuple(each for output in self.original.all_outputs for each in self._scalars(output))
+        found: list[Output] = []
+        for output in self.original.all_outputs:
+            if not output.dims:
+                found.append(output)
+            elif output.name in self.components:
+                for number in range(self.components[output.name].count):
+                    title = f"score {number + 1} of {output.title}"
+                    found.append(Output(score_name(output.name, number), output.unit, title))
+        return tuple(found)
 
     def evaluate(self, inputs: Arrays) -> Results:
         """Return the results of the original model with scores; see `Model.evaluate`."""
@@ -226,14 +230,6 @@ class ScoreModel(Model):
     def identity(self) -> dict[str, str]:
         """Return the identity of the original model."""
         return self.original.identity()
-
-    def _scalars(self, output: Output) -> Iterator[Output]:
-        if not output.dims:
-            yield output
-        elif output.name in self.components:
-            for number in range(self.components[output.name].count):
-                title = f"score {number + 1} of {output.title}"
-                yield Output(score_name(output.name, number), output.unit, title)
 
 
 def scored_runs(runs: xr.Dataset, components: Mapping[str, PrincipalComponents]) -> xr.Dataset:
@@ -426,10 +422,15 @@ class FieldFit:
                 "check_left": self.check.left,
                 "check_truncation": self.check.truncation,
             }
-        variables = dict(self._variables())
-        return xr.Dataset(variables, coordinates, attributes), diagnostics_dataset(
-            self._diagnostics()
-        )
+        q2 = math.nan if self.check is None else 1 - self.check.left
+        diagnostics = [
+            Diagnostic("components", self.components.count, "components"),
+            Diagnostic("truncation", self.components.truncation, "truncation"),
+            Diagnostic("q2", self.q2, "Q², runs left out"),
+            Diagnostic("check_q2_of_output", q2, "Q², check runs"),
+        ]
+        found = xr.Dataset(dict(self._variables()), coordinates, attributes)
+        return found, diagnostics_dataset(diagnostics)
 
     def _variables(self) -> Iterator[tuple[str, tuple[Any, ...]]]:
         parts, output = self.components, self.output
@@ -450,15 +451,6 @@ class FieldFit:
     def _along(self, values: FloatArray, unit: str, title: str) -> tuple[Any, ...]:
         dims = [each.name for each in self.output.dims]
         return dims, values.reshape(self.output.shape), {"units": unit, "long_name": title}
-
-    def _diagnostics(self) -> list[Diagnostic]:
-        q2 = math.nan if self.check is None else 1 - self.check.left
-        return [
-            Diagnostic("components", self.components.count, "components"),
-            Diagnostic("truncation", self.components.truncation, "truncation"),
-            Diagnostic("q2", self.q2, "Q², runs left out"),
-            Diagnostic("check_q2_of_output", q2, "Q², check runs"),
-        ]
 
     @classmethod
     def from_group(cls, name: str, group: xr.DataTree) -> FieldFit:

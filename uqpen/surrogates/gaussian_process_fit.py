@@ -195,7 +195,10 @@ class GaussianProcessFit(OutputFit):
         deviation = self.scale * self.std * np.sqrt(self._variances(kernel, terms))
         if not self.of_logarithm:
             return Prediction(mean, deviation)
-        return Prediction(np.exp(mean), np.exp(mean) * _lognormal_deviations(deviation))
+        # A lognormal variable, of which the median is predicted.
+        variance = np.minimum(deviation, _LARGEST_DEVIATION) ** 2
+        std = np.exp(mean) * np.sqrt(np.expm1(variance) * np.exp(variance))
+        return Prediction(np.exp(mean), std)
 
     def predict_mean(self, points: FloatArray) -> FloatArray:
         """Predict without the deviations, which take far longer; see `OutputFit.predict_mean`."""
@@ -240,12 +243,6 @@ def trend_terms(coordinates: FloatArray, *, is_linear: bool) -> FloatArray:
     """Return the terms of the trend at points, shape (run, term): 1 and, if linear, coordinates."""
     constant = np.ones((len(coordinates), 1))
     return np.hstack([constant, coordinates]) if is_linear else constant
-
-
-def _lognormal_deviations(deviations: FloatArray) -> FloatArray:
-    """Return the standard deviations of lognormal variables of median 1."""
-    variances = np.minimum(deviations, _LARGEST_DEVIATION) ** 2
-    return np.sqrt(np.expm1(variances) * np.exp(variances))
 
 
 # Likelihood of a Gaussian process: its lengths and its nugget from the runs.

@@ -9,13 +9,18 @@ Each function raises an `AssertionError` that names the broken rule. A test of y
 
 from __future__ import annotations
 
-from uqpen.testing.chart_contracts import check_figure, check_section
+from uqpen.testing.contracts import (
+    check_distribution,
+    check_figure,
+    check_joint,
+    check_model,
+    check_section,
+    check_statistic,
+    check_surrogate,
+    example_joint_distribution,
+    example_samples,
+)
 from uqpen.testing.design_contract import check_design, check_extension, check_stopping_rule
-from uqpen.testing.distribution_contract import check_distribution, check_joint
-from uqpen.testing.example import example_joint_distribution
-from uqpen.testing.model_contract import check_model
-from uqpen.testing.statistic_contract import check_statistic, example_samples
-from uqpen.testing.surrogate_contract import check_surrogate
 
 __all__ = [
     "check_design",

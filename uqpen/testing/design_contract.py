@@ -25,7 +25,7 @@ from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.running_estimates import RunningEstimates
 from uqpen.statistics.weights import effective_sizes
-from uqpen.testing.example import EXAMPLE_OUTPUT, example_joint_distribution, sum_runs
+from uqpen.testing.contracts import EXAMPLE_OUTPUT, example_joint_distribution, sum_runs
 
 __all__ = ["check_design", "check_extension", "check_stopping_rule"]
 

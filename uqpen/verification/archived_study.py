@@ -31,10 +31,8 @@ from uqpen.study.study import ValidatedStudy, Variant
 from uqpen.study.table_reader import OBJECT
 from uqpen.study.user_defined_members import (
     is_reference,
-    object_members,
-    object_surrogates,
-    referenced_members,
-    referenced_surrogates,
+    named_objects,
+    named_references,
 )
 from uqpen.study.variables_section import dimensions_from_model
 from uqpen.surrogates.archived_surrogate import restore_surrogate, surrogate_paths
@@ -101,13 +99,13 @@ def named_code(tree: xr.DataTree) -> NamedCode:
     analyses = listed if isinstance(listed, list) else []
     return NamedCode(
         models=[code for code in map(_model_code, models) if code],
-        members=referenced_members(content),
-        surrogates=referenced_surrogates(content),
+        members=named_references(content, "designs", "inputs"),
+        surrogates=named_references(content, "surrogates"),
         analyses=[str(each) for each in analyses if is_reference(each)],
         objects={
             "model": [str(table[OBJECT]) for table in models if OBJECT in table],
-            "design or distribution": object_members(content),
-            "surrogate": object_surrogates(content),
+            "design or distribution": named_objects(content, "designs", "inputs", "joint"),
+            "surrogate": named_objects(content, "surrogates"),
         },
         data=[str(table[DATA]) for table in models if DATA in table],
     )

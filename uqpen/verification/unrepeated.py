@@ -70,10 +70,21 @@ def leave_out(
     the archive names is executed.
     """
     results = []
-    for leave in (_omitted, _unloaded, _absent, _earlier, _analyses, _intervals):
+    for leave in (_omitted, _unloaded, _absent, _earlier, _analyses):
         if study.designs:
             study, tree, result = leave(study, tree, trust)
             results += [result] if result else []
+    # Intervals of another recipe are not compared; their estimates are.
+    names, recipe = other_recipe(tree), int(tree.attrs[RECIPE])
+    text = ""
+    if study.designs and recipe > INTERVAL_RECIPE:
+        text = f"made by a later recipe ({recipe}, here {INTERVAL_RECIPE}): not compared"
+    elif study.designs and names:
+        of = ", ".join(name for name in _STATISTICS if name in names)
+        made = f"made by an earlier recipe ({recipe}, here {INTERVAL_RECIPE})"
+        text = f"those of {of} are {made}; only the estimates are compared"
+    if text:
+        results.append(CheckResult("intervals", CheckOutcome.UNCHECKED, text))
     return study, tree, results
 
 
@@ -169,21 +180,6 @@ def _analyses(study: ValidatedStudy, tree: xr.DataTree, trust: bool) -> _Left:
     reason = f"they follow from code that the archive names ({', '.join(named)})"
     result = _unchecked("analyses", f"{', '.join(sorted(statistics)) or 'none'}; {reason}", ADVICE)
     return replace(study, analyses=()), xr.DataTree.from_dict(groups), result
-
-
-def _intervals(study: ValidatedStudy, tree: xr.DataTree, trust: bool) -> _Left:
-    """Name the intervals that another recipe has made; their estimates are compared."""
-    names, recipe = other_recipe(tree), int(tree.attrs[RECIPE])
-    result = None
-    if recipe > INTERVAL_RECIPE:
-        text = f"made by a later recipe ({recipe}, here {INTERVAL_RECIPE}): not compared"
-        result = CheckResult("intervals", CheckOutcome.UNCHECKED, text)
-    elif names:
-        of = ", ".join(name for name in _STATISTICS if name in names)
-        made = f"made by an earlier recipe ({recipe}, here {INTERVAL_RECIPE})"
-        text = f"those of {of} are {made}; only the estimates are compared"
-        result = CheckResult("intervals", CheckOutcome.UNCHECKED, text)
-    return study, tree, result
 
 
 def other_recipe(tree: xr.DataTree) -> frozenset[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -110,13 +110,13 @@ def run_design(
         study.run_costs,
     )
     sampling = {SAMPLING: str(design.sampling)}
-    return {model: _joined(model, rounds).assign_attrs(sampling) for model in study.models}
-
-
-def _joined(model: str, rounds: Sequence[Mapping[str, xr.Dataset]]) -> xr.Dataset:
-    """Return the runs of a model in the rounds that it has run."""
-    own = {number: runs[model] for number, runs in enumerate(rounds) if model in runs}
-    return join_rounds([*own.values()], [*own] if len(rounds) > 1 else None)
+    found = {}
+    for model in study.models:
+        # A round may be of some models only.
+        own = {number: runs[model] for number, runs in enumerate(rounds) if model in runs}
+        joined = join_rounds([*own.values()], [*own] if len(rounds) > 1 else None)
+        found[model] = joined.assign_attrs(sampling)
+    return found
 
 
 @dataclass(frozen=True)

@@ -66,13 +66,8 @@ class ResultsSoFar:
     reasons: Mapping[str, str] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
-class _DesignResults:
-    """Groups of an archive, all finished runs and the reason for no estimates, of one design."""
-
-    groups: Mapping[str, xr.Dataset]
-    finished: list[xr.Dataset]
-    reason: str
+# Groups of an archive, all finished runs and the reason for no estimates, of one design.
+_DesignResults = tuple[dict[str, xr.Dataset], list[xr.Dataset], str]
 
 
 @dataclass(frozen=True)
@@ -168,12 +163,12 @@ class RunningResults(ProgressRecord):
             self._ended[design] = current
         designs = {**self._ended, design: current}
         groups = {"/": self._root}
-        for each in designs.values():
-            groups |= each.groups
+        for of_design, _, _ in designs.values():
+            groups |= of_design
         self.results = ResultsSoFar(
             xr.DataTree.from_dict(groups),
-            {name: each.finished for name, each in designs.items()},
-            {name: each.reason for name, each in designs.items() if each.reason},
+            {name: finished for name, (_, finished, _) in designs.items()},
+            {name: reason for name, (_, _, reason) in designs.items() if reason},
         )
 
     def _design_results(self, design: str, *, is_complete: bool) -> _DesignResults:
@@ -197,7 +192,7 @@ class RunningResults(ProgressRecord):
             except Exception as error:
                 # Runs that took hours must not be lost to a page that shows them.
                 reason = f"they fail: {error_text(error)}"
-        return _DesignResults(groups, finished, reason)
+        return groups, finished, reason
 
     def _groups(
         self, root: str, design: str, model: str, runs: xr.Dataset

@@ -767,15 +767,10 @@ _LINKS = frozenset({_MessageKind.LINK, _MessageKind.LINK_INFO})
 
 
 def check_hdf5(content: Content, limits: ContentLimits) -> None:
-    """Refuse a file that the HDF5 library must not get.
+    """Refuse a file that the HDF5 library must not get, with the first reason found.
 
     It gets what refers to no other file, has no types but those that NetCDF and NumPy share, and
     keeps within the limits.
-
-    Raises
-    ------
-    RefusedContentError
-        With the first reason found.
     """
     try:
         _Inspection(content, limits).run()

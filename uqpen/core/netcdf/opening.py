@@ -65,10 +65,8 @@ _DAMAGED = "its header is damaged"
 def check_classic(content: Content, limits: ContentLimits) -> None:
     """Refuse a file whose header the library could not follow within the file.
 
-    Raises
-    ------
-    RefusedContentError
-        If a type, a rank, a name or a dimension is none, or values lie outside the file.
+    RefusedContentError if a type, a rank, a name or a dimension is none, or values lie outside the
+    file.
     """
     try:
         _Header(content, limits).check()
@@ -195,30 +193,16 @@ class NetcdfVariable:
     stored: Any
 
     def values(self) -> Any:
-        """Return its values.
-
-        Raises
-        ------
-        RefusedContentError
-            If they cannot be read.
-        """
+        """Return its values; RefusedContentError if they cannot be read."""
         if isinstance(self.stored, RefusedContentError):
             raise self.stored
         return self.stored
 
 
 def read_variables(content: bytes) -> list[NetcdfVariable]:
-    """Read the variables outside groups, but not those that only number a dimension.
+    """Read the variables of a file outside groups, but not those that only number a dimension.
 
-    Parameters
-    ----------
-    content : bytes
-        A file of NetCDF 3 or 4, whoever has written it.
-
-    Raises
-    ------
-    RefusedContentError
-        If the libraries must not get it, or cannot read it.
+    RefusedContentError if the libraries must not get it, or cannot read it.
     """
     found = []
     with _opened(content) as root, _refusing():
@@ -236,14 +220,8 @@ def read_variables(content: bytes) -> list[NetcdfVariable]:
 def read_variable(content: bytes, name: str) -> Any:
     """Read the values of a variable of a file of data, as a masked array.
 
-    The name has those of groups before it, with slashes between.
-
-    Raises
-    ------
-    KeyError
-        If there is no variable of the name.
-    RefusedContentError
-        If the libraries must not get the file, or cannot read it.
+    The name has those of groups before it, with slashes between; KeyError if there is no such
+    variable. RefusedContentError if the libraries must not get the file, or cannot read it.
     """
     with _opened(content) as root:
         try:
@@ -256,13 +234,7 @@ def read_variable(content: bytes, name: str) -> Any:
 
 
 def check_netcdf(content: Content, limits: ContentLimits) -> None:
-    """Refuse a file that the NetCDF and HDF5 libraries must not get.
-
-    Raises
-    ------
-    RefusedContentError
-        With the reason.
-    """
+    """Refuse a file that the NetCDF and HDF5 libraries must not get, with the reason."""
     if content[: len(SIGNATURE)] == SIGNATURE:
         check_hdf5(content, limits)
     elif content[: len(MAGIC)] == MAGIC:
@@ -276,14 +248,8 @@ def open_archive_file(path: Path) -> Iterator[netCDF4.Dataset]:
     """Open an archive, whoever has written it; its values may be larger than the memory.
 
     It is looked through on the disk, and opened there. Whoever can change it in between could have
-    changed it before.
-
-    Raises
-    ------
-    OSError
-        If it cannot be read, or is no file.
-    RefusedContentError
-        If the libraries must not get it, or cannot open it.
+    changed it before. RefusedContentError if the libraries must not get it, or cannot open it;
+    OSError if it cannot be read, or is no file.
     """
     with open_file(path) as stream:
         if stream.read(len(SIGNATURE)) != SIGNATURE:

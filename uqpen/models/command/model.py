@@ -14,7 +14,7 @@ import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from uqpen.core.arrays import Arrays, FloatArray
 from uqpen.core.errors import ModelError
 from uqpen.core.files import FileSnapshot
 from uqpen.core.limits import Limits
-from uqpen.core.model import Input, Model, Output, Results, empty_outputs
+from uqpen.core.model import Input, Model, Output, Results, RunOutcome, joined_outcomes
 from uqpen.core.settings import choice, validate
 from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.core.units import scale
@@ -39,7 +39,6 @@ __all__ = [
     "RECORD",
     "Command",
     "FolderPolicy",
-    "RunRecord",
     "folder_name",
     "keep_folder",
     "last_line",
@@ -102,28 +101,12 @@ def read_outputs(
     grids: Mapping[str, RunGrid],
     written: RunFiles,
 ) -> dict[str, FloatArray]:
-    """Read the outputs of a run.
+    """Read the outputs of a run, in the units of the program, each of shape (*dims).
 
-    Parameters
-    ----------
-    outputs : sequence of Output
-        The outputs.
-    readings : mapping of str to OutputReader
-        The reader of each output, and of the coordinates that a run has of its own.
-    grids : mapping of str to RunGrid
-        By output, the grid on which a run writes it.
-    written : RunFiles
-        What the run has written.
+    There is a reader of each output, and of the coordinates that a run has of its own.
 
-    Returns
-    -------
-    dict of str to ndarray, shape (*dims)
-        In the units of the program.
-
-    Raises
-    ------
-    UnreadableError, UnusableOutputError
-        If an output is not there, or is not what is declared; the message names the place.
+    UnreadableError or UnusableOutputError if an output is not there, or is not what is declared;
+    the message names the place.
     """
     found = {}
     for output in outputs:
@@ -219,33 +202,18 @@ def remove_variable_parts(text: str, folders: Iterable[Path]) -> str:
 RECORD = "run.json"
 
 
-@dataclass(frozen=True)
-class RunRecord:
-    """Record of the runs of one program; `made_by` is all that decides what a run writes."""
+def _read_record(folder: Path, made_by: str) -> ProcessEnd | None:
+    """Return how a kept run ended; None if there is none, or another program made it.
 
-    made_by: str
-
-    def text(self, ending: ProcessEnd) -> str:
-        """Return the content of the file of a run that has ended."""
-        code = None if ending.is_late else ending.code
-        return json.dumps({"made_by": self._sha256, "exit_code": code}) + "\n"
-
-    def read(self, folder: Path) -> ProcessEnd | None:
-        """Return how a kept run ended; None if there is none, or this program did not make it.
-
-        A run that was ended for its time has written only a part, so it is not read again.
-        """
-        try:
-            found = json.loads((folder / RECORD).read_text(encoding="utf-8"))
-            is_own = found["made_by"] == self._sha256
-            code = found["exit_code"]
-        except (OSError, ValueError, KeyError, TypeError):
-            return None
-        return ProcessEnd(code) if is_own and type(code) is int else None
-
-    @property
-    def _sha256(self) -> str:
-        return hashlib.sha256(self.made_by.encode()).hexdigest()
+    A run that was ended for its time has written only a part, so it is not read again.
+    """
+    try:
+        found = json.loads((folder / RECORD).read_text(encoding="utf-8"))
+        is_own = found["made_by"] == made_by
+        code = found["exit_code"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    return ProcessEnd(code) if is_own and type(code) is int else None
 
 
 # Files in the folder of a run: its inputs, the default file for its outputs, and,
@@ -282,14 +250,6 @@ class FolderPolicy:
 
     def __post_init__(self) -> None:
         validate(self)
-
-
-class _Outcome(NamedTuple):
-    """Outcome of a run; outputs are in the units of the program."""
-
-    outputs: Mapping[str, FloatArray]
-    status: Status = Status.OK
-    reason: str = ""
 
 
 @dataclass(frozen=True)
@@ -350,20 +310,14 @@ class Command(Model):
     def evaluate(self, inputs: Arrays) -> Results:
         if self.program is None:
             raise ModelError(f"{self.name} is not executed without --trust")
+        program = self.program
         arguments = {name: values.tolist() for name, values in self._own_units(inputs).items()}
         runs = len(next(iter(inputs.values())))
-        outputs = empty_outputs(self.outputs, runs)
-        status = np.full(runs, Status.OK, dtype=np.int8)
-        reasons: dict[int, str] = {}
-        for run in range(runs):
-            one = {name: column[run] for name, column in arguments.items()}
-            outcome = self._run(self.program, one)
-            status[run] = outcome.status
-            if outcome.reason:
-                reasons[run] = outcome.reason
-            for name, value in outcome.outputs.items():
-                outputs[name][run] = scale(self.units[name]).array_to_si(value)
-        return Results(outputs, status, reasons)
+        points = ({name: column[run] for name, column in arguments.items()} for run in range(runs))
+        outcomes = (
+            (slice(run, run + 1), self._run(program, point)) for run, point in enumerate(points)
+        )
+        return joined_outcomes(outcomes, self.outputs, self.units, runs)
 
     def record_files(self, files: frozenset[str]) -> None:
         # Runs report no files, so they are checked between batches.
@@ -398,10 +352,10 @@ class Command(Model):
         """Convert SI values to the units that the program takes."""
         return {name: scale(self.units[name]).from_si(values) for name, values in inputs.items()}
 
-    def _run(self, program: Program, inputs: Mapping[str, float]) -> _Outcome:
+    def _run(self, program: Program, inputs: Mapping[str, float]) -> RunOutcome:
         """Make one run, or read its folder again; any failure becomes its status."""
         kept = self.folder_policy.folder / folder_name(inputs)
-        if self.reads_again and (ended := self._record(program).read(kept)) is not None:
+        if self.reads_again and (ended := _read_record(kept, self._made_by(program))):
             outcome = self._outcome(ended, kept, program)
             with contextlib.suppress(OSError):
                 note = _outcome_note(outcome, self._command(program, inputs))
@@ -423,24 +377,27 @@ class Command(Model):
                     outcome = self._outcome(ending, folder, program)
                 which = self.folder_policy.which
                 if which == "all" or (which == "failed" and outcome.status != Status.OK):
+                    code = None if ending.is_late else ending.code
+                    record = {"made_by": self._made_by(program), "exit_code": code}
                     notes = {
                         OUTCOME: _outcome_note(outcome, words),
-                        RECORD: self._record(program).text(ending),
+                        RECORD: json.dumps(record) + "\n",
                     }
                     keep_folder(folder, kept, notes)
                 return outcome
         except NotWholeError as error:
-            return _Outcome({}, Status.FAILED, str(error))
+            return RunOutcome.failed(str(error))
         except OSError as error:  # a disk that is full, a program for another machine
             if error.filename == str(program.executed.read.path) and error.errno == errno.ENOENT:
-                return _Outcome({}, Status.FAILED, _NO_INTERPRETER)
+                return RunOutcome.failed(_NO_INTERPRETER)
             reason = f"cannot be started: {error.strerror or type(error).__name__}"
-            return _Outcome({}, Status.FAILED, reason)
+            return RunOutcome.failed(reason)
 
-    def _record(self, program: Program) -> RunRecord:
-        """Return the record of its runs, with all that decides what a run at some inputs writes."""
+    def _made_by(self, program: Program) -> str:
+        """Return a hash of all that decides what a run at some inputs writes."""
         decisive = [program.identity(), self.words, self.templates, self.copied]
-        return RunRecord(json.dumps([*decisive, asdict(self.delimiters)], sort_keys=True))
+        text = json.dumps([*decisive, asdict(self.delimiters)], sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()
 
     def _command(self, program: Program, inputs: Mapping[str, float]) -> list[str]:
         """Return the executed command, with full paths of files beside the study."""
@@ -454,27 +411,27 @@ class Command(Model):
                 words.append(fill(word, {**inputs, **_PATHS}))
         return words
 
-    def _outcome(self, ending: ProcessEnd, folder: Path, program: Program) -> _Outcome:
+    def _outcome(self, ending: ProcessEnd, folder: Path, program: Program) -> RunOutcome:
         """Return the outcome of a run whose program has ended."""
         if ending.is_late:
-            return _Outcome({}, Status.TIMED_OUT, self.limits.timeout_reason)
+            return RunOutcome({}, Status.TIMED_OUT, self.limits.timeout_reason)
         if ending.code:
             status = Status.CRASHED if ending.signal else Status.FAILED
             how = f"ended by {ending.signal}" if ending.signal else f"exit code {ending.code}"
             message = remove_variable_parts(last_line(folder / STDERR), [folder, program.folder])
-            return _Outcome({}, status, f"{how}: {message}" if message else how)
+            return RunOutcome({}, status, f"{how}: {message}" if message else how)
         written = RunFiles(folder, self.limits)
         try:
             found = read_outputs(self.outputs, self.readings, self.fields.grids, written)
         except (UnreadableError, UnusableOutputError) as error:
-            return _Outcome({}, error.status, str(error))
+            return RunOutcome({}, error.status, str(error))
         for output in self.outputs:
             if reason := output.invalid_text(found[output.name]):
-                return _Outcome(found, Status.NOT_FINITE, reason)
-        return _Outcome(found)
+                return RunOutcome(found, Status.NOT_FINITE, reason)
+        return RunOutcome(found)
 
 
-def _outcome_note(outcome: _Outcome, words: list[str]) -> str:
+def _outcome_note(outcome: RunOutcome, words: list[str]) -> str:
     """Return a note for the folder of a run: its outcome and the executed command."""
     lines = [f"{STATUS_TEXT[outcome.status]}: {outcome.reason}".removesuffix(": ")]
     for name, values in outcome.outputs.items():

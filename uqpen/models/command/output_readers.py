@@ -79,10 +79,7 @@ class RunFiles:
     def content(self, name: str) -> bytes:
         """Return the bytes of a file.
 
-        Raises
-        ------
-        UnreadableError
-            If it is not there, is no file (reading a pipe would never end) or is huge.
+        UnreadableError if it is not there, is no file (reading a pipe would never end) or is huge.
         """
         try:
             return read_file(self.folder / name, _LARGEST)
@@ -132,12 +129,8 @@ _COMMENT = ("#", "%", "!", "*")
 def blank_column(content: str, column: str | int) -> list[str | None] | None:
     """Return a column of a table, which is given by its heading or its position.
 
-    Only a table with headings has them in its first line, which may be a comment.
-
-    Returns
-    -------
-    list of str or None
-        The entries; None where a row is too short. None if there is no such heading.
+    Only a table with headings has them in its first line, which may be a comment. None for no such
+    heading; an entry is None where a row is too short.
     """
     lines = [line.strip() for line in content.splitlines() if line.strip()]
     position = column
@@ -201,10 +194,7 @@ def text_after(written: RunFiles, file: str, after: str | None) -> str:
 def parse_number(text: str, place: str, row: int | None = None) -> float:
     """Parse a printed number, which may have a Fortran exponent.
 
-    Raises
-    ------
-    UnreadableError
-        If it is none, with its place and, in a list, its row.
+    UnreadableError if it is none, with its place and, in a list, its row.
     """
     written = text.strip().lower()
     for number in (written, written.replace("d", "e")):
@@ -239,7 +229,7 @@ class JsonReader(OutputReader):
         try:
             return float(found)
         except OverflowError:  # of an integer that is too large for a float
-            return math.copysign(math.inf, found)
+            return math.inf if found > 0 else -math.inf
 
     def values(self, written: RunFiles) -> FloatArray:
         try:
@@ -367,16 +357,11 @@ class TextReader(OutputReader):
 
 
 def _within(seconds: float | None, search: Callable[[], list[str]]) -> list[str]:
-    """Search within a limit of processor time, in seconds, and return the result.
+    """Search within a limit of processor time, in seconds; TimeoutError if it takes longer.
 
     Some patterns have a cost that is exponential in the length of the text. A search lets no other
     thread run. But it looks for signals, which reach the main thread. In other threads there is no
     limit.
-
-    Raises
-    ------
-    TimeoutError
-        If it takes longer.
     """
     if seconds is None or threading.current_thread() is not threading.main_thread():
         return search()

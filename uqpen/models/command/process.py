@@ -68,10 +68,7 @@ def run_process(
     The words are the program's path and its arguments; no shell expands them. The folder gets its
     `stdout` and `stderr`. `watch` gives the group to the guard of the folder.
 
-    Raises
-    ------
-    OSError
-        If it cannot be started.
+    OSError if it cannot be started.
     """
     if limits.bytes is not None:
         # Not by code of ours between fork and exec: that can deadlock where there are threads.
@@ -191,12 +188,8 @@ rm -rf -- "$folder"
 def guard_folder(folder: Path) -> Iterator[Callable[[int], None]]:
     """Ensure within this context that no process started in a run's folder outlives this one.
 
-    If this process dies, the guard kills the processes in the folder and removes it.
-
-    Yields
-    ------
-    watch : callable
-        Takes the number of the process group that was started, or 0 at its end.
+    If this process dies, the guard kills the processes in the folder and removes it. The function
+    of the context takes the number of the process group that was started, or 0 at its end.
     """
     starting = f"0 {folder}"
     _send(starting)

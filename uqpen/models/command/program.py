@@ -105,10 +105,7 @@ class Program:
 def locate_program(word: str, folder: Path, others: Iterable[str]) -> Program:
     """Find the program that the first word of a command names, and the other files of the study.
 
-    Raises
-    ------
-    ModelError
-        If there is no such program, or a file cannot be read.
+    ModelError if there is no such program, or a file cannot be read.
     """
     try:
         executed = ProgramFile.from_path(str(Path(word)), find_program(word, folder))
@@ -125,10 +122,7 @@ def find_program(word: str, folder: Path) -> Path:
 
     The word is a path (with a slash), from the study's folder if it is relative, or a name.
 
-    Raises
-    ------
-    ModelError
-        If there is none that can be executed.
+    ModelError if there is none that can be executed.
     """
     if "/" not in word:
         found = shutil.which(word)
@@ -199,22 +193,10 @@ BRACES = Delimiters()
 
 
 def fill(text: str, values: Mapping[str, float | str], delimiters: Delimiters = BRACES) -> str:
-    """Replace the placeholders of a text.
+    """Replace the placeholders of a text in which `find_mistakes` finds none.
 
-    Parameters
-    ----------
-    text : str
-        In which `find_mistakes` finds none.
-    values : mapping of str to float or str
-        Numbers are written so that reading them gives the same number again, unless the
-        placeholder has a format.
-    delimiters : Delimiters
-        Those of its placeholders.
-
-    Raises
-    ------
-    NotWholeError
-        If a number has a format of whole numbers, and is none.
+    Numbers are written so that reading them gives the same number again, unless the placeholder
+    has a format. NotWholeError if that is one of whole numbers, and the number is none.
 
     >>> fill("a = {a}; b = {b:.2e}; {{}}", {"a": 0.1, "b": 1234.5})
     'a = 0.1; b = 1.23e+03; {}'
@@ -248,21 +230,9 @@ def find_mistakes(
     paths: Collection[str],
     delimiters: Delimiters = BRACES,
 ) -> Iterator[tuple[int, str, str]]:
-    """Yield the mistakes in the placeholders of a text.
+    """Yield the mistakes in placeholders: the line, from 1, the text there, and the expected one.
 
-    Parameters
-    ----------
-    text : str
-        Any text.
-    numbers, paths : collection of str
-        Names of placeholders; those of paths have no format.
-    delimiters : Delimiters
-        Those of its placeholders.
-
-    Yields
-    ------
-    line, found, expected
-        Number of the line, from 1; the text there, and the expected one.
+    Placeholders of paths have no format.
     """
     for token in delimiters.tokens.finditer(text):
         if expected := _expected(token, numbers, paths, delimiters):

@@ -67,10 +67,7 @@ def data_error(found: str, expected: str) -> SettingsError:
 def name_and_unit(heading: str, file: str) -> tuple[str, str]:
     """Return the name and the unit of a heading ``name [unit]``; no unit is an empty text.
 
-    Raises
-    ------
-    SettingsError
-        If the heading has another form.
+    SettingsError if the heading has another form.
     """
     try:
         name, unit = heading_parts(heading, file)
@@ -169,13 +166,7 @@ class DataFile:
         return len(self.columns[0].entries) if self.columns else 0
 
     def column(self, name: str) -> DataColumn:
-        """Return the column of a name.
-
-        Raises
-        ------
-        TableError
-            If there is none.
-        """
+        """Return the column of a name; TableError if there is none."""
         if name not in self._by_name:
             raise TableError(f'{self.name} has no column "{name}"')
         return self._by_name[name]
@@ -205,11 +196,8 @@ def read_text(name: str, content: bytes) -> tuple[DataColumn, ...]:
     columns; a second line of numbers below ``run_id`` is that of EasyVVUQ. A first column without
     a heading (an index of pandas) is left out.
 
-    Raises
-    ------
-    SettingsError
-        If it is not UTF-8, a heading or the length of a row is wrong, a run stands twice, or runs
-        are of several interfaces of Dakota.
+    SettingsError if it is not UTF-8, a heading or the length of a row is wrong, a run stands twice,
+    or runs are of several interfaces of Dakota.
     """
     try:
         text = content.decode("utf-8-sig")
@@ -407,10 +395,7 @@ def _entries(column: Any) -> Entries:
 def read_netcdf(name: str, content: bytes) -> tuple[DataColumn, ...]:
     """Read the variables of a NetCDF file along its one dimension.
 
-    Raises
-    ------
-    SettingsError
-        If it is no NetCDF file, or its variables are along other dimensions.
+    SettingsError if it is no NetCDF file, or its variables are along other dimensions.
     """
     try:
         columns = [_netcdf_column(name, each) for each in read_variables(content)]
@@ -436,10 +421,7 @@ def _netcdf_column(file: str, variable: NetcdfVariable) -> DataColumn:
 def read_parquet(name: str, content: bytes) -> tuple[DataColumn, ...]:
     """Read the columns of a Parquet file, headed ``name [unit]``.
 
-    Raises
-    ------
-    SettingsError
-        If it cannot be read, or pandas lacks the package that reads it.
+    SettingsError if it cannot be read, or pandas lacks the package that reads it.
     """
     import pandas as pd
 
@@ -456,10 +438,7 @@ def read_parquet(name: str, content: bytes) -> tuple[DataColumn, ...]:
 def frame_columns(file: str, frame: Any) -> tuple[DataColumn, ...]:
     """Return the columns of a pandas DataFrame, headed ``name [unit]``.
 
-    Raises
-    ------
-    SettingsError
-        If a heading has another form.
+    SettingsError if a heading has another form.
     """
     columns = []
     for position, heading in enumerate(map(str, frame.columns)):
@@ -493,17 +472,9 @@ _READERS: dict[str, Callable[[str, bytes], tuple[DataColumn, ...]]] = {
 
 
 def read_data_file(path: Path) -> DataFile:
-    """Read a data file.
+    """Read a data file: NetCDF if it ends in ``.nc``, Parquet if in ``.parquet``, else a text.
 
-    Parameters
-    ----------
-    path : Path
-        Ends in ``.nc`` for NetCDF and in ``.parquet`` for Parquet; anything else is text.
-
-    Raises
-    ------
-    SettingsError
-        If it is not there, or has a mistake, which it names with its line.
+    SettingsError if it is not there, or has a mistake, which it names with its line.
     """
     expected = "a CSV, NetCDF, Parquet or Dakota file"
     try:

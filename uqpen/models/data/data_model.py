@@ -78,21 +78,9 @@ _STATUSES = {status.meaning: status for status in Status}
 def data_points(
     file: DataFile, inputs: Sequence[Input], units: Mapping[str, str]
 ) -> dict[str, FloatArray]:
-    """Return the inputs of a data file in SI units.
+    """Return the inputs of a data file in SI units, each from its column in a unit.
 
-    Parameters
-    ----------
-    file : DataFile
-        The file.
-    inputs : sequence of Input
-        The inputs, each with a column.
-    units : mapping of str to str
-        The unit of each column.
-
-    Raises
-    ------
-    SettingsError
-        If an entry is blank or no finite number.
+    SettingsError if an entry is blank or no finite number.
     """
     points = {}
     for each in inputs:
@@ -137,10 +125,8 @@ def data_results(file: DataFile, outputs: Sequence[Output], units: Mapping[str, 
 def data_coordinates(file: DataFile, variables: Sequence[Variable]) -> dict[str, FloatArray]:
     """Return the replicates, from 0, and the weights of points, where the file has them.
 
-    Raises
-    ------
-    SettingsError
-        If a replicate is no whole number of 0 or more, or a weight no number of 0 or more.
+    SettingsError if a replicate is no whole number of 0 or more, or a weight no number of 0 or
+    more.
     """
     known = {column.name for column in file.columns} - {each.name for each in variables}
     found: dict[str, FloatArray] = {}

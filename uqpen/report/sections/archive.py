@@ -17,7 +17,7 @@ from uqpen.archive.provenance import SCHEMA_ATTRIBUTE
 from uqpen.archive.read import group_names, is_benchmark, model_trees, read_group
 from uqpen.charts.chart import Block
 from uqpen.core.arrays import FloatArray
-from uqpen.core.catalogue import CATALOGUE, UNLISTED_DIMENSIONS
+from uqpen.core.catalogue import CATALOGUE, FAILURE_STATISTICS, UNLISTED_DIMENSIONS
 from uqpen.core.dependency import Dependency
 from uqpen.core.errors import StudyError
 from uqpen.core.labels import (
@@ -306,8 +306,8 @@ def _estimate_notes(statistics: SourceStatistics) -> Iterator[str]:
 
 def _failure_notes(model: xr.DataTree) -> Iterator[str]:
     statistics = SourceStatistics(model)
-    for name, source in product(("probability", "larger", "further_out"), statistics.sources):
-        if (array := statistics.failures(source).get(name)) is not None:
+    for statistic, source in product(FAILURE_STATISTICS.values(), statistics.sources):
+        if (array := statistics.failures(source).get(statistic.name)) is not None:
             yield from _notes(array)
 
 
@@ -326,8 +326,7 @@ def _model_notes(tree: xr.DataTree) -> Iterator[str]:
         head = f"{name}: " if name else ""
         statistics = SourceStatistics(model)
         for design in statistics.sources:
-            ends = statistics.failures(design).get("probability")
-            if ends is not None and (missing := ends.attrs.get(MISSING)):
+            if missing := statistics.run_accounts(design).get(MISSING):
                 yield f"{head}{design}: {missing} did not complete."
         for surrogate in group_names(model, SURROGATES):
             group = model.children[SURROGATES].children[surrogate]

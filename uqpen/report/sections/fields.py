@@ -25,16 +25,16 @@ from uqpen.charts.curves import (
     tolerance_chart,
 )
 from uqpen.core.arrays import FloatArray
-from uqpen.core.catalogue import CATALOGUE
+from uqpen.core.catalogue import CATALOGUE, MEAN, QUANTILE, STD
 from uqpen.core.labels import NOTE
 from uqpen.report.blocks import Fold, Heading
-from uqpen.report.sections.sentences import QuotedStatistic, no_break, output_name
-from uqpen.results.archive_view import ArchiveView, output_heading, output_title
+from uqpen.report.sections.sentences import QuotedStatistic, headed_blocks, no_break, output_name
+from uqpen.results.archive_view import ArchiveView, output_title
 from uqpen.results.digits import estimate_text, number_text
 from uqpen.results.field_tables import CurveEstimates
 from uqpen.results.source_statistics import THRESHOLD_PROBABILITIES
 from uqpen.results.table import entry_label, quantile_label
-from uqpen.results.texts import plain_text, unit_suffix
+from uqpen.results.texts import unit_suffix
 
 __all__ = ["curves", "field_sentences", "first_curves", "further_curves"]
 
@@ -58,24 +58,12 @@ def curves(view: ArchiveView) -> Iterator[Block]:
         for field in view.fields
         if (blocks := tuple(_field_blocks(view, field, design)))
     }
-    names = list(found)
-    for field in names[:_MOST]:
-        yield from (Heading(output_heading(view, field)), *found[field])
-    if others := names[_MOST:]:
-        titles = ", ".join(output_title(view, field) for field in others)
-        yield Fold(
-            f"Other curves: {plain_text(titles, 120)}",
-            tuple(
-                block
-                for field in others
-                for block in (Heading(output_heading(view, field)), *found[field])
-            ),
-        )
+    yield from headed_blocks(view, found, list(found)[:_MOST], "Other curves")
 
 
 def _field_blocks(view: ArchiveView, field: str, design: str) -> Iterator[Block]:
     along = field_dimensions(view.design(design).runs[field])
-    if view.statistics.get(design, field, "mean") is None:
+    if view.statistics.get(design, field, MEAN.name) is None:
         return
     if len(along) == 1:
         curve = CurveEstimates(view, field, design, _MOST_PLACES)
@@ -117,8 +105,8 @@ def _field_blocks(view: ArchiveView, field: str, design: str) -> Iterator[Block]
 
 def _first_place(curve: CurveEstimates) -> int:
     """Return where runs differ most, or where the mean is largest if no deviation is known."""
-    for statistic in ("std", "mean"):
-        bounds = curve.bounds(statistic)
+    for statistic in (STD, MEAN):
+        bounds = curve.bounds(statistic.name)
         if bounds is not None and np.isfinite(bounds[:, 0]).any():
             return int(np.nanargmax(bounds[:, 0]))
     return 0
@@ -127,11 +115,11 @@ def _first_place(curve: CurveEstimates) -> int:
 def _columns(curve: CurveEstimates) -> Iterator[PlaceColumn]:
     """Yield each statistic at the places."""
     unit = unit_suffix(curve.view.unit(curve.output))
-    for statistic, label in (("mean", "mean"), ("std", "sd")):
-        if (bounds := curve.bounds(statistic)) is not None:
-            yield _column(label, unit, bounds, _notes(curve, statistic))
-    for number, (p, bounds) in enumerate(curve.entries("quantile").items()):
-        yield _column(quantile_label(p), unit, bounds, _notes(curve, "quantile", number))
+    for statistic in (MEAN, STD):
+        if (bounds := curve.bounds(statistic.name)) is not None:
+            yield _column(statistic.shown.label, unit, bounds, _notes(curve, statistic.name))
+    for number, (p, bounds) in enumerate(curve.entries(QUANTILE.name).items()):
+        yield _column(quantile_label(p), unit, bounds, _notes(curve, QUANTILE.name, number))
     for probability in THRESHOLD_PROBABILITIES:
         for number, (text, bounds) in enumerate(curve.entries(probability.name).items()):
             label = f"{entry_label(probability, text)} ="
@@ -177,7 +165,7 @@ def field_sentences(view: ArchiveView, design: str) -> Iterator[str]:
 
 def _sentence(view: ArchiveView, field: str, design: str) -> str:
     statistics = view.statistics.statistics(design, field)
-    statistic = "mean_band" if "mean_band" in statistics else "mean"
+    statistic = "mean_band" if "mean_band" in statistics else MEAN.name
     if statistic not in statistics:
         return ""
     array = statistics[statistic]

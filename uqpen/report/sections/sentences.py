@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,7 +15,7 @@ from uqpen.archive.read import group_names, read_group
 from uqpen.charts.chart import Block
 from uqpen.charts.marks import has_interval
 from uqpen.core.arrays import FloatArray
-from uqpen.core.catalogue import CATALOGUE, REQUESTED
+from uqpen.core.catalogue import CATALOGUE, MEAN, QUANTILE, REQUESTED, STD
 from uqpen.core.labels import CATEGORY, INTERVAL_LEVEL, RUNS, SURROGATES
 from uqpen.core.sampling import Sampling
 from uqpen.core.statistic import Statistic, UnitRule
@@ -46,6 +47,7 @@ __all__ = [
     "QuotedStatistic",
     "decision_findings",
     "default_statistic",
+    "headed_blocks",
     "joint_findings",
     "main_outputs",
     "moments",
@@ -127,12 +129,6 @@ class QuotedStatistic:
         is_value = self.statistic.unit is UnitRule.VALUE
         is_logarithmic = is_value and self.view.is_logarithmic(self.output)
         texts = estimate_texts(*values, is_logarithmic=is_logarithmic)
-        return tuple(no_break(f"{text}{self.unit_text}") for text in texts)
-
-    def end_texts(self, array: xr.DataArray) -> tuple[str, ...]:
-        """Ends of a tolerance interval, rounded outward, each with its unit."""
-        _, lower, upper = self.bounds(array)
-        texts = tolerance_interval_texts(float(lower), float(upper))
         return tuple(no_break(f"{text}{self.unit_text}") for text in texts)
 
     def interval(self, array: xr.DataArray) -> str:
@@ -218,14 +214,13 @@ def default_statistic(view: ArchiveView, output: str, design: str) -> QuotedStat
 
 def usual_statistics(view: ArchiveView, output: str) -> tuple[QuotedStatistic, QuotedStatistic]:
     """The median of an output, and its mean."""
-    median = QuotedStatistic(view, output, CATALOGUE["quantile"], 0.5)
+    median = QuotedStatistic(view, output, QUANTILE, 0.5)
     return median, moments(view, output)[0]
 
 
 def moments(view: ArchiveView, output: str) -> tuple[QuotedStatistic, QuotedStatistic]:
     """The mean of an output, and its standard deviation."""
-    mean, std = (QuotedStatistic(view, output, CATALOGUE[name]) for name in ("mean", "std"))
-    return mean, std
+    return QuotedStatistic(view, output, MEAN), QuotedStatistic(view, output, STD)
 
 
 def other_design_estimates(quantity: QuotedStatistic, leading: str) -> dict[str, xr.DataArray]:
@@ -286,29 +281,23 @@ def output_blocks(
 ) -> Iterator[Block]:
     """Yield the blocks of each output under its heading; those of all but the main ones folded.
 
-    Parameters
-    ----------
-    blocks : mapping
-        By output; one without blocks is left out.
-    most : int
-        Outputs that are open, at the most.
+    The first main ones are open, `most` of them.
     """
     filled = {output: found for output, each in blocks.items() if (found := tuple(each))}
     main = [output for output in main_outputs(view) if output in filled][:most]
-    for output in main:
-        yield from (Heading(output_heading(view, output)), *filled[output])
-    others = {output: found for output, found in filled.items() if output not in main}
-    if not others:
-        return
-    titles = ", ".join(output_title(view, output) for output in others)
-    yield Fold(
-        f"Other outputs: {plain_text(titles, 120)}",
-        tuple(
-            block
-            for output, found in others.items()
-            for block in (Heading(output_heading(view, output)), *found)
-        ),
-    )
+    yield from headed_blocks(view, filled, main, "Other outputs")
+
+
+def headed_blocks(
+    view: ArchiveView, blocks: Mapping[str, tuple[Block, ...]], shown: Iterable[str], rest: str
+) -> Iterator[Block]:
+    """Yield blocks below the headings of their outputs; all but those of `shown` are folded."""
+    headed = {each: (Heading(output_heading(view, each)), *found) for each, found in blocks.items()}
+    for output in shown:
+        yield from headed.pop(output)
+    if headed:
+        titles = ", ".join(output_title(view, output) for output in headed)
+        yield Fold(f"{rest}: {plain_text(titles, 120)}", tuple(chain(*headed.values())))
 
 
 # Sentences and verdicts.
@@ -426,7 +415,7 @@ def _sentence(quantity: QuotedStatistic, array: xr.DataArray, design: str) -> st
     if bool(values.size > 1 and np.ptp(values) <= 1e-12 * np.abs(values).max()):
         return f"{capitalized(name)} is {value} in every run."
     sentence = shown.sentence
-    if shown.entry == "probability" and quantity.entry == 0.5:
+    if quantity.statistic is QUANTILE and quantity.entry == 0.5:
         sentence = f"{sentence.rstrip('.')}: half of all cases lie below."
     # All in one pass, as the name of an output may have braces itself; so may words of an archive.
     words = {
@@ -456,7 +445,9 @@ def _tolerance_limit_sentence(
 
 
 def _tolerance_interval_sentence(quantity: QuotedStatistic, array: xr.DataArray, name: str) -> str:
-    lower, upper = quantity.end_texts(array)
+    _, lower, upper = quantity.bounds(array)
+    texts = tolerance_interval_texts(float(lower), float(upper))
+    lower, upper = tuple(no_break(f"{text}{quantity.unit_text}") for text in texts)
     share = _share_of_cases(quantity.entry)
     return f"{name} is from {lower} to {upper} in {share} ({_level(array)} confidence)."
 

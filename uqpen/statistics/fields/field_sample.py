@@ -14,7 +14,7 @@ import xarray as xr
 
 from uqpen.archive.estimates import INTERVAL_TEXTS, estimate_array
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
-from uqpen.core.labels import BOUND, CONDITIONAL, INPUT, INTERVAL_LEVEL
+from uqpen.core.labels import BOUND, CONDITIONAL, INTERVAL_LEVEL
 from uqpen.core.model import Dimension, Output
 from uqpen.core.variables import field_coordinates
 from uqpen.statistics import texts
@@ -24,11 +24,10 @@ from uqpen.statistics.distribution_function.probabilities import (
     exceedance_probabilities,
 )
 from uqpen.statistics.distribution_function.quantiles import quantile_estimates
-from uqpen.statistics.estimate import PLACE, Estimate
+from uqpen.statistics.estimate import PLACE
 from uqpen.statistics.moments.sample_moments import sample_moments
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
-from uqpen.statistics.sensitivity.input_measures import input_coordinate
 
 __all__ = [
     "FieldSample",
@@ -37,7 +36,6 @@ __all__ = [
     "along_field",
     "at_each_place",
     "equal_columns",
-    "input_place_array",
     "joined_places",
     "moments_at_places",
     "probabilities_at_places",
@@ -221,17 +219,6 @@ def _joined(
         attributes=attributes,
         coordinates={**field_coordinates(output.dims), **coordinates},
     )
-
-
-def input_place_array(
-    estimates: Estimate, output: Output, inputs: Sequence[str], long_name: str, level: float
-) -> xr.DataArray:
-    """Return estimates of shape (place, input) as an array along a field and ``input``."""
-    along = input_coordinate(inputs)
-    array = estimates.to_array(
-        INPUT, units="1", long_name=long_name, coordinates=along, level=level
-    )
-    return along_field(array, output, level)
 
 
 # Statistics at each place of a field: moments, quantiles, probabilities, shares of runs.

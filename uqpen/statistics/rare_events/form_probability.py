@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -246,22 +247,20 @@ def _design_point_arrays(
         ),
     }
     for name, (long_name, values) in of_points.items():
-        estimates = [_without_bounds(value) for value in values]
-        array = Estimate.stack(
-            estimates, DESIGN_POINT, units="1", long_name=long_name, coordinates=along
-        )
-        yield name, array
+        estimate = _without_bounds(np.array(values))
+        described: dict[str, Any] = {"long_name": long_name, "coordinates": along}
+        yield name, estimate.to_array(DESIGN_POINT, units="1", **described)
     inputs = [
         str(name)
         for name, each in runs.data_vars.items()
         if each.attrs.get(ROLE) == INPUT and each.ndim
     ]
-    factors = [[_without_bounds(factor) for factor in p.direction**2] for p in points]
+    factors = _without_bounds(np.array([each.direction**2 for each in points]))
     yield (
         "importance_factor",
-        Estimate.table(
-            factors,
-            (DESIGN_POINT, INPUT),
+        factors.to_array(
+            DESIGN_POINT,
+            INPUT,
             units="1",
             long_name="share of an input in the direction to a design point",
             coordinates={**along, **input_coordinate(inputs)},
@@ -269,6 +268,6 @@ def _design_point_arrays(
     )
 
 
-def _without_bounds(value: float) -> Estimate:
-    reason = texts.NO_SECOND_ORDER if np.isnan(value) else texts.FORM_HAS_NO_INTERVAL
-    return Estimate.without_bounds(float(value), reason)
+def _without_bounds(values: FloatArray) -> Estimate:
+    found = Estimate.without_bounds(values, texts.FORM_HAS_NO_INTERVAL)
+    return found.remove_bounds_at(np.isnan(values), texts.NO_SECOND_ORDER)

@@ -111,11 +111,14 @@ def learned_probability(runs: xr.Dataset, event: LimitState, level: float) -> Ra
         upper = min(upper / max(1 - out.upper, 1e-9), 1.0)
     equivalent = _equivalent_runs(value, upper - lower, level)
     estimate = Estimate(value, lower, upper, method, "nominal")
+    worth = ""
+    if not math.isnan(equivalent):
+        worth = texts.AS_NARROW_AS.format(runs=int(float(f"{equivalent:.2g}")))
     nearest = float(runs[SEARCH_WEIGHT].values[used][own.occurs | own.missing].max())
     notes = (
         texts.PART_NOT_MET.format(probability=min(3 * nearest, 1.0)),  # the rule of three
         texts.SURROGATE_ALONE.format(probability=correction.surrogate) * correction.is_fitted,
-        _worth(equivalent),
+        worth,
     )
     return _with_companions(estimate.with_note(*notes), correction, equivalent)
 
@@ -132,12 +135,6 @@ def _equivalent_runs(value: float, width: float, level: float) -> float:
     if not (0 < value < 1 and width > 0):
         return math.nan
     return (2 * float(ndtri(0.5 + level / 2)) / width) ** 2 * value * (1 - value)
-
-
-def _worth(equivalent: float) -> str:
-    if math.isnan(equivalent):
-        return ""
-    return texts.AS_NARROW_AS.format(runs=int(float(f"{equivalent:.2g}")))
 
 
 def _correction(runs: xr.Dataset, level: float) -> _Correction:

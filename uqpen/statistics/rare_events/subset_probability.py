@@ -110,19 +110,12 @@ def subset_levels(
         threshold = float(runs[LEVEL_THRESHOLD].values[made[0]])
         probability = found[-1].probability * float(states.at_or_above(threshold).mean())
         seeds = runs[CHAIN_PARENT].values[made].reshape(STEPS, -1)[0]
-        states = _visited(everything, seeds, made.reshape(STEPS, -1), threshold)
+        visited = [everything.at(seeds)]
+        for candidates in made.reshape(STEPS, -1):
+            visited.append(visited[-1].moved(everything.at(candidates), threshold))
+        states = ChainStates.joined(visited)
         found.append(Level(probability, threshold, states))
     return found
-
-
-def _visited(
-    everything: ChainStates, seeds: IntArray, candidates: IntArray, threshold: float
-) -> ChainStates:
-    """Return all states of the chains of a level, given the candidates of each step."""
-    visited = [everything.at(seeds)]
-    for step in candidates:
-        visited.append(visited[-1].moved(everything.at(step), threshold))
-    return ChainStates.joined(visited)
 
 
 # Probability beyond each value of an output, from the levels of subset simulation.

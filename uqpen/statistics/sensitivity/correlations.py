@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import chain
-from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
@@ -19,19 +17,8 @@ from uqpen.statistics.intervals import student_quantile
 from uqpen.statistics.ordering import Ordering
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample, SampleShape
-from uqpen.statistics.sensitivity.correlated_pair import (
-    CorrelatedPair,
-    PairOfArrays,
-    standardized,
-)
-from uqpen.statistics.sensitivity.input_measures import (
-    input_array,
-    reason_without_measure,
-)
+from uqpen.statistics.sensitivity.input_measures import input_array, reason_without_measure
 from uqpen.statistics.standard_errors import standard_error
-
-if TYPE_CHECKING:
-    from uqpen.statistics.sensitivity.compiled_pair import ColumnGroup
 
 __all__ = ["ResidualWeights", "correlations"]
 
@@ -98,6 +85,8 @@ _CORRELATIONS = {
 }
 # Correlations nearer to one than this are one but for rounding.
 _ROUNDING = 1e-12
+# Values of sums of columns that go through an order together: few enough for a cache.
+_MOST_VALUES = 2**17
 
 
 def correlations(
@@ -117,7 +106,7 @@ def correlations(
         return
     for is_ranked in (False, True):
         # The columns of values are not needed any more when those of ranks are made.
-        columns = _CorrelatedColumns(sample, is_ranked=is_ranked)
+        columns = _CorrelatedColumns(sample, is_ranked)
         for statistic, (goes_by_ranks, is_partial, adjective) in _CORRELATIONS.items():
             if goes_by_ranks == is_ranked:
                 estimates = columns.correlations(is_partial=is_partial)
@@ -143,107 +132,101 @@ class _CorrelatedColumns:
     def orderings(self) -> list[Ordering]:
         """The order of each column, the output last."""
         inputs = self.sample.run_inputs
-        return [*map(inputs.ordering, range(len(inputs.columns.names))), self.sample.ordering]
+        return [*map(inputs.ordering, range(len(self.sample.inputs))), self.sample.ordering]
 
     @cached_property
     def standardized(self) -> FloatArray:
         """The columns, of mean 0 and variance 1, as rows; 0 where one does not vary."""
-        columns = np.empty((len(self.orderings), self.sample.size))
-        for row, column in zip(columns, self._columns, strict=True):
-            standardized(column, row)
-        return columns
-
-    @property
-    def _columns(self) -> Iterator[FloatArray]:
+        columns = np.empty((len(self.sample.inputs) + 1, self.sample.size))
         if self.is_ranked:
-            return (each.mean_ranks for each in self.orderings)
-        return chain(self._inputs, [self.shape.deviations])
-
-    @property
-    def _inputs(self) -> Iterator[FloatArray]:
-        """Each input over the completed runs."""
-        inputs = self.sample.run_inputs
-        return (inputs[number] for number in range(len(inputs.columns.names)))
+            for row, ordering in zip(columns, self.orderings, strict=True):
+                row[:] = ordering.mean_ranks
+        else:
+            for number, row in enumerate(columns[:-1]):
+                row[:] = self.sample.run_inputs[number]
+            columns[-1] = self.shape.deviations
+        for row in columns:
+            _standardize(row)
+        return columns
 
     @cached_property
     def _varying(self) -> IntArray:
         return np.flatnonzero(self.standardized.any(axis=1))
 
-    @cached_property
-    def _products(self) -> FloatArray:
-        """Mean products of the columns that vary: how they correlate."""
-        varying = self._varying
-        is_whole = len(varying) == len(self.standardized)
-        columns = self.standardized if is_whole else self.standardized[varying]
-        # `einsum` adds in one order on every processor; the kernels of `@` each have their own.
-        return np.einsum("ir,jr->ij", columns, columns) / self.sample.size
-
     def correlations(self, *, is_partial: bool) -> list[Estimate]:
         """Estimate the correlation of the output with each input."""
-        reasons = []
-        for i in range(len(self.sample.inputs)):
-            reason = reason_without_measure(self.sample, i, _FEWEST_RUNS)
-            if not reason and is_partial and self._residual_weights is None:
-                reason = texts.LINEARLY_DEPENDENT
-            reasons.append(reason)
-        weights_of = self._partial_weights if is_partial else self._simple_weights
-        # One after the other: of thousands of inputs they take hundreds of MB together.
-        pairs = self._pairs(weights_of(i) for i, reason in enumerate(reasons) if not reason)
+        inputs = range(len(self.sample.inputs))
+        reasons = [reason_without_measure(self.sample, i, _FEWEST_RUNS) for i in inputs]
+        residuals = None
+        if is_partial and not all(reasons):
+            residuals = self._residual_weights()
+            if residuals is None:
+                reasons = [reason or texts.LINEARLY_DEPENDENT for reason in reasons]
+        weights = []
+        for i in (i for i, reason in enumerate(reasons) if not reason):
+            own = np.zeros((2, len(self.standardized)))
+            if residuals:
+                own[:, self._varying] = residuals.without(int(np.searchsorted(self._varying, i)))
+            else:
+                own[0, i] = own[1, -1] = 1
+            weights.append(own)
+        found = self._estimates(weights)
         return [
-            Estimate.without_bounds(math.nan, reason) if reason else self._estimate(next(pairs))
+            Estimate.without_bounds(math.nan, reason) if reason else next(found)
             for reason in reasons
         ]
 
-    def _estimate(self, pair: CorrelatedPair) -> Estimate:
-        if reason := self.sample.reason_without_intervals or self._reason_without_bounds:
-            return Estimate.without_bounds(pair.value, reason)
-        value, influence = pair.value, pair.influence
-        del pair  # with its sums
-        return self._with_bounds(value, influence)
-
-    def _pairs(self, weights: Iterator[FloatArray]) -> Iterator[CorrelatedPair]:
-        """Yield a pair for each of some weights; its type follows from the number of values."""
-        if self.sample.run_inputs.are_many:
-            from uqpen.statistics.sensitivity.compiled_pair import compiled_pairs
-
-            yield from compiled_pairs(self.standardized, [*weights], self._groups)
-        else:
-            columns, orderings = self.standardized, self._orderings_of_ranks
-            yield from (PairOfArrays(each, columns, orderings) for each in weights)
-
-    @cached_property
-    def _groups(self) -> list[ColumnGroup]:
-        from uqpen.statistics.sensitivity.compiled_pair import ColumnGroup
-
-        return ColumnGroup.of(self._orderings_of_ranks)
-
-    @property
-    def _orderings_of_ranks(self) -> list[Ordering]:
-        return self.orderings if self.is_ranked else []
-
-    def _simple_weights(self, i: int) -> FloatArray:
-        """Weights of the columns, 1 for the input and 1 for the output, shape (2, column)."""
-        weights = np.zeros((2, len(self.standardized)))
-        weights[0, i] = weights[1, -1] = 1
-        return weights
-
-    @cached_property
     def _residual_weights(self) -> ResidualWeights | None:
         """Weights of the columns that vary in their residuals; None where some are dependent."""
+        varying = self._varying
         # More columns than runs are always dependent.
-        if len(self._varying) > self.sample.size:
+        if len(varying) > self.sample.size:
             return None
-        if np.linalg.cond(self._products) > 1 / _ROUNDING:
-            return None
-        return ResidualWeights.of(self._products)
+        is_whole = len(varying) == len(self.standardized)
+        columns = self.standardized if is_whole else self.standardized[varying]
+        # `einsum` adds in one order on every processor; the kernels of `@` each have their own.
+        products = np.einsum("ir,jr->ij", columns, columns) / self.sample.size
+        return None if np.linalg.cond(products) > 1 / _ROUNDING else ResidualWeights.of(products)
 
-    def _partial_weights(self, i: int) -> FloatArray:
-        """Weights of the columns in the residuals of input and output over the other inputs."""
-        assert self._residual_weights is not None
-        weights = np.zeros((2, len(self.standardized)))
-        mine = int(np.searchsorted(self._varying, i))
-        weights[:, self._varying] = self._residual_weights.without(mine)
-        return weights
+    def _estimates(self, weights: Sequence[FloatArray]) -> Iterator[Estimate]:
+        """Yield the correlation of each pair of weighted sums of the columns."""
+        reason = self.sample.reason_without_intervals or self._reason_without_bounds
+        together = max(1, _MOST_VALUES // (2 * max(self.sample.size, 1)))
+        for first in range(0, len(weights), together):
+            some = np.stack(weights[first : first + together])
+            sums = np.einsum("psk,kr->spr", some, self.standardized)
+            stds = sums.std(axis=-1, keepdims=True)
+            sums /= stds
+            values = (sums[0] * sums[1]).mean(axis=-1)
+            if reason:
+                yield from (Estimate.without_bounds(value, reason) for value in values.tolist())
+                continue
+            influence = self._influence(some / stds.swapaxes(0, 1), sums, values[:, np.newaxis])
+            yield from map(self._with_bounds, values.tolist(), influence)
+
+    def _influence(self, weights: FloatArray, sums: FloatArray, values: FloatArray) -> FloatArray:
+        """Return each run's influence on the correlations of pairs of sums, shape (pair, run).
+
+        Parameters
+        ----------
+        weights : ndarray, shape (pair, 2, column)
+        sums : ndarray, shape (2, pair, run)
+            Of variance 1.
+        values : ndarray, shape (pair, 1)
+            Their correlations.
+        """
+        one, other = sums
+        influence: FloatArray = one * other - values / 2 * (one**2 + other**2)
+        if not self.is_ranked:
+            return influence
+        # A run moves the ranks of all others too.
+        targets = np.stack([other - values * one, one - values * other])
+        for ordering, factors in zip(self.orderings, weights.transpose(2, 1, 0), strict=True):
+            pairs = np.flatnonzero(factors.any(axis=0))
+            if pairs.size:
+                moved = np.einsum("sp,spr->pr", factors[:, pairs], targets[:, pairs])
+                influence[pairs] += ordering.sums_above(moved) / ordering.rank_std
+        return influence
 
     def _with_bounds(self, value: float, influence: FloatArray) -> Estimate:
         """Return a correlation with its bounds, by the delta method on Fisher's transform."""
@@ -273,3 +256,14 @@ class _CorrelatedColumns:
             heavy = texts.NO_INTERVAL_AS.format(reason=self.shape.tail_note)
             return f"{heavy}; {texts.SEE_RANKS}"
         return ""
+
+
+def _standardize(values: FloatArray) -> None:
+    """Give values the mean 0 and the variance 1; 0 to a constant."""
+    values -= values.mean()
+    largest = np.abs(values).max(initial=0.0)
+    if not np.ptp(values) > 0:
+        values[:] = 0.0
+        return
+    values /= largest
+    values /= float(np.sqrt((values**2).mean()))

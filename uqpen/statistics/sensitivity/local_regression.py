@@ -5,24 +5,15 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 
 from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.streams import Stream
 from uqpen.statistics.intervals import group_sums
-from uqpen.statistics.ordering import Numbers, Ordering
 from uqpen.statistics.sample import ErrorModel, Sample
 
-__all__ = [
-    "FEWEST_RUNS_FOR_A_SLOPE",
-    "Lines",
-    "RegressionBins",
-    "ResidualVariance",
-    "bin_labels",
-    "labels_of_ranks",
-]
+__all__ = ["RegressionBins", "ResidualVariance"]
 
 
 # Runs in a bin. More runs reduce the noise; fewer runs reduce the bias from curvature.
@@ -36,7 +27,7 @@ _MOST_RUNS_FOR_PAIRS = 256
 # The pairs of so many bins stand for those of all.
 _BINS_FOR_PAIRS = 128
 # With fewer the mean takes the place of a straight line.
-FEWEST_RUNS_FOR_A_SLOPE = 4
+_FEWEST_RUNS_FOR_A_SLOPE = 4
 
 
 @dataclass(frozen=True)
@@ -71,8 +62,33 @@ class RegressionBins:
         halved : bool
             True to cut the bins into two, where each half has runs enough for a line.
         """
-        label, rank = bin_labels(sample, column, halved=halved)
-        return cls(label, _positions_in_bin(label, rank.astype(np.float64)))
+        values, ordering = sample.columns[column], sample.columns.ordering(column)
+        rank = ordering.level.astype(np.int64)
+        if ordering.is_above is not None:
+            # A table may list runs in an order of the other inputs, and neighbours must be alike in
+            # none: equal values are in random order.
+            tie_breaker = Stream(0, "analyses", "ties").generator().permutation(len(values))
+            rank[np.lexsort((tie_breaker, values))] = np.arange(len(values))
+        rank = rank[sample.used]
+        in_a_bin, block = _blocks(sample, rank, halved=halved)
+        count = np.bincount(block, minlength=len(sample.replicates))
+        # Failed runs leave gaps in strata, so these are merged until they fill a bin.
+        label = np.floor((np.cumsum(count) - count) / in_a_bin + 1e-9).astype(np.int64)[block]
+        if ordering.is_above is None:
+            label = (np.cumsum(np.bincount(label) > 0) - 1)[label]
+        else:
+            # A value that fills a bin by itself is among no others.
+            _, level, equal = np.unique(
+                values[sample.used], return_inverse=True, return_counts=True
+            )
+            label = label * (len(equal) + 1) + np.where(equal[level] >= in_a_bin, level + 1, 0)
+            label = np.unique(label, return_inverse=True)[1].astype(np.int64)
+        size = np.bincount(label)
+        place = rank - (np.bincount(label, rank) / size)[label]
+        spread = np.sqrt(np.bincount(label, place**2))
+        has_slope = size >= _FEWEST_RUNS_FOR_A_SLOPE
+        place = np.where(has_slope[label], place / np.where(has_slope, spread, 1)[label], 0)
+        return cls(label, place)
 
     @cached_property
     def size(self) -> FloatArray:
@@ -82,7 +98,7 @@ class RegressionBins:
     @cached_property
     def freedom(self) -> FloatArray:
         """Degrees of freedom of the residuals in each bin."""
-        return self.size - 1 - np.where(self.size >= FEWEST_RUNS_FOR_A_SLOPE, 1.0, 0.0)
+        return self.size - 1 - np.where(self.size >= _FEWEST_RUNS_FOR_A_SLOPE, 1.0, 0.0)
 
     @cached_property
     def scale(self) -> FloatArray:
@@ -143,22 +159,6 @@ class RegressionBins:
         """Residuals of variables from the lines of the bins, shape (..., run)."""
         centred = values - (self.total(values) / self.size)[..., self.label]
         return centred - self.place * self.total(self.place * centred)[..., self.label]
-
-
-class Lines(Protocol):
-    """Variance about the lines of an input's bins, as `ResidualVariance` has it."""
-
-    @property
-    def variance(self) -> FloatArray:
-        """The mean variance about the lines."""
-
-    @property
-    def influence(self) -> FloatArray:
-        """Each run's influence on it, but for a constant."""
-
-    @property
-    def pair_noise(self) -> FloatArray:
-        """The part of its standard error from pairs of runs."""
 
 
 @dataclass(frozen=True)
@@ -236,75 +236,16 @@ class ResidualVariance:
         return np.einsum("vbj,vbk->bjk", left_out, left_out)
 
 
-def bin_labels(sample: Sample, column: int, *, halved: bool) -> tuple[IntArray, IntArray]:
-    """Return the bin of each run, as `RegressionBins` has it, and the rank of its input."""
-    values, ordering = sample.columns[column], sample.columns.ordering(column)
-    rank = _ranks(values, ordering)[sample.used]
-    label = labels_of_ranks(sample, rank, halved=halved)
-    # A value without an equal fills no bin by itself.
-    if ordering.is_above is None:
-        return _dense(label), rank
-    in_a_bin, _ = _blocks(sample, rank, halved=halved)
-    return _separate_atoms(label, values[sample.used], in_a_bin), rank
-
-
-def labels_of_ranks(sample: Sample, rank: Numbers, *, halved: bool) -> IntArray:
-    """Return the bins of runs by the ranks of an input among all points; some may be empty."""
-    in_a_bin, block = _blocks(sample, rank, halved=halved)
-    count = np.bincount(block, minlength=len(sample.replicates))
-    # Failed runs leave gaps in strata, so these are merged until they fill a bin.
-    full = np.floor((np.cumsum(count) - count) / in_a_bin + 1e-9).astype(np.int64)
-    return full[block]
-
-
-def _blocks(sample: Sample, rank: Numbers, *, halved: bool) -> tuple[float, Numbers]:
+def _blocks(sample: Sample, rank: IntArray, *, halved: bool) -> tuple[float, IntArray]:
     """Return the number of runs in a bin, and the blocks of runs that are not cut by bins."""
     if sample.error_model is not ErrorModel.REPLICATED:
-        return _runs_in_a_bin(sample) / (2 if halved else 1), rank
+        in_a_bin: float = _RUNS_IN_A_BIN
+        if sample.error_model is ErrorModel.INDEPENDENT:
+            in_a_bin *= math.sqrt(max(len(sample.replicates) / _RUNS_FOR_SMALL_BINS, 1.0))
+        return in_a_bin / (2 if halved else 1), rank
     replicates = int(sample.replicates.max()) + 1
     pieces = max(1, round(replicates / _RUNS_IN_A_BIN))
-    if halved and replicates >= 2 * pieces * FEWEST_RUNS_FOR_A_SLOPE:
+    if halved and replicates >= 2 * pieces * _FEWEST_RUNS_FOR_A_SLOPE:
         pieces *= 2
     # Whole strata are cut, so that no bin lies across the border of two.
-    return replicates / pieces, rank.astype(np.int64) * pieces // replicates
-
-
-def _runs_in_a_bin(sample: Sample) -> float:
-    """Return the number of runs in a bin of a sample without replicates."""
-    if sample.error_model is not ErrorModel.INDEPENDENT:
-        return _RUNS_IN_A_BIN
-    return _RUNS_IN_A_BIN * math.sqrt(max(len(sample.replicates) / _RUNS_FOR_SMALL_BINS, 1.0))
-
-
-def _ranks(values: FloatArray, ordering: Ordering) -> IntArray:
-    """Ranks from 0; among equal values in random order."""
-    if ordering.is_above is None:
-        return ordering.level.astype(np.int64)
-    # A table may list runs in an order of the other inputs, and neighbours must be alike in none.
-    tie_breaker = Stream(0, "analyses", "ties").generator().permutation(len(values))
-    order = np.lexsort((tie_breaker, values))
-    rank = np.empty(len(values), dtype=np.int64)
-    rank[order] = np.arange(len(values))
-    return rank
-
-
-def _dense(label: IntArray) -> IntArray:
-    """Labels numbered through those that are not empty."""
-    is_there = np.bincount(label) > 0
-    return label if is_there.all() else (np.cumsum(is_there) - 1)[label]
-
-
-def _separate_atoms(label: IntArray, values: FloatArray, in_a_bin: float) -> IntArray:
-    """Bins in which a value that fills a bin by itself is among no others."""
-    _, level, count = np.unique(values, return_inverse=True, return_counts=True)
-    own = np.where(count[level] >= in_a_bin, level + 1, 0)
-    _, numbered = np.unique(label * (len(count) + 1) + own, return_inverse=True)
-    return numbered.astype(np.int64)
-
-
-def _positions_in_bin(label: IntArray, rank: FloatArray) -> FloatArray:
-    size = np.bincount(label)
-    place = rank - (np.bincount(label, rank) / size)[label]
-    spread = np.sqrt(np.bincount(label, place**2))
-    has_slope = size >= FEWEST_RUNS_FOR_A_SLOPE
-    return np.where(has_slope[label], place / np.where(has_slope, spread, 1)[label], 0)
+    return replicates / pieces, rank * pieces // replicates

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -20,6 +19,7 @@ from uqpen.core.labels import (
     MOVED_UNCERTAINTY,
     POSITION,
     RELATIVE_TO_SPREAD,
+    RUN,
     STATUS,
 )
 from uqpen.core.status import Status
@@ -27,11 +27,19 @@ from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.designs.one_at_a_time import moved_input_numbers
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import LEVEL, Estimate
+from uqpen.statistics.fields.field_sample import joined_places
 from uqpen.statistics.intervals import student_quantile
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sensitivity.input_measures import input_array
 
-__all__ = ["effects_by_input", "elementary_effects", "mean_effect", "relative_responses"]
+__all__ = [
+    "effects_at_places",
+    "effects_by_input",
+    "elementary_effects",
+    "mean_effect",
+    "relative_responses",
+    "responses_at_places",
+]
 
 # Elementary effects: changes of an output with one input, at random points of the inputs.
 
@@ -69,21 +77,21 @@ def elementary_effects(
     name, title = quantity.output.name, quantity.output.title
     effects, level = effects_by_input(runs, name), quantity.confidence_level
     missing = texts.ABSENT_EFFECTS if CONDITIONAL in runs.attrs else texts.MISSING_EFFECTS
-    measures: tuple[tuple[str, Callable[[FloatArray], Estimate], str], ...] = (
-        ("mu", partial(mean_effect, level=level), "mean elementary effect"),
-        (
-            "mu_star",
+    measures: dict[str, tuple[Callable[[FloatArray], Estimate], str]] = {
+        "mu": (partial(mean_effect, level=level), "mean elementary effect"),
+        "mu_star": (
             lambda found: mean_effect(np.abs(found), level),
             "mean absolute elementary effect",
         ),
-        ("sigma", _sigma, "standard deviation of the elementary effects"),
-    )
-    for measure, estimator, long_name in measures:
-        estimates = [
-            _note_missing_effects(estimator(found[np.isfinite(found)]), found, missing)
-            for found in effects.values()
-        ]
-        long_name = f"{long_name} on {title}, for the whole of an input's probability"
+        "sigma": (_sigma, "standard deviation of the elementary effects"),
+    }
+    for measure, (estimator, meaning) in measures.items():
+        estimates = []
+        for found in effects.values():
+            failed = int(np.isnan(found).sum())
+            note = missing.format(failed=failed, effects=found.size) if failed else ""
+            estimates.append(estimator(found[np.isfinite(found)]).with_note(note))
+        long_name = f"{meaning} on {title}, for the whole of an input's probability"
         units = quantity.output.unit
         yield measure, input_array(estimates, [*effects], long_name, units=units, level=level)
 
@@ -136,14 +144,6 @@ def _sigma(effects: FloatArray) -> Estimate:
     return Estimate.without_bounds(0.0 if is_rounding else std, texts.NO_INTERVAL)
 
 
-def _note_missing_effects(estimate: Estimate, effects: FloatArray, text: str) -> Estimate:
-    """Return the estimate with a note of the number of missing effects, by its text."""
-    failed = int(np.isnan(effects).sum())
-    if not failed:
-        return estimate
-    return estimate.with_note(text.format(failed=failed, effects=effects.size))
-
-
 def _deviation(effects: FloatArray) -> float:
     """Standard deviation of effects, scaled so that their squares do not overflow."""
     largest = float(np.abs(effects).max()) or 1.0
@@ -185,42 +185,35 @@ def relative_responses(
     """
     if quantity.output.categories:
         return
-    name, title = quantity.output.name, quantity.output.title
+    output, title = quantity.output, quantity.output.title
     steps = {
-        entry: _Steps.from_runs(runs, name, entry, number)
+        entry: _Steps.from_runs(runs, output.name, entry, number)
         for entry, number in moved_input_numbers(runs).items()
     }
-    found = [_response(each) for each in steps.values()]
-    contributions = [
-        _contribution(response, each) for response, each in zip(found, steps.values(), strict=True)
-    ]
-    of_output = _offset_note("output", quantity.output.unit, quantity.display_unit)
-    responses = [
-        _relative(estimate, of_output, _input_note(runs[entry].attrs))
-        for entry, estimate in zip(steps, found, strict=True)
-    ]
+    of_output = _offset_note("output", output.unit, quantity.display_unit)
+    responses, contributions = [], []
+    for entry, each in steps.items():
+        response = each.response()
+        units = runs[entry].attrs
+        si = str(units.get("units", DIMENSIONLESS))
+        of_input = _offset_note("input", si, str(units.get("display_units", si)))
+        responses.append(_relative(response, of_output, of_input))
+        contribution = Estimate.without_bounds(abs(response.value) * each.std, response.note)
+        if not each.std:
+            contribution = Estimate.without_bounds(math.nan, texts.FIXED_INPUT)
+        contributions.append(_relative(contribution, of_output))
     yield "response", input_array(responses, [*steps], f"relative response of {title}")
     long_name = f"contribution to the relative uncertainty of {title}"
-    relative = [_relative(each, of_output) for each in contributions]
-    yield "contribution", input_array(relative, [*steps], long_name)
+    yield "contribution", input_array(contributions, [*steps], long_name)
     if of_output:
         long_name = f"change of {title} per standard deviation of an input"
-        changes = [_change(each) for each in steps.values()]
-        yield (
-            "change_per_std",
-            input_array(changes, [*steps], long_name, units=quantity.output.unit),
-        )
+        changes = [each.change() for each in steps.values()]
+        yield "change_per_std", input_array(changes, [*steps], long_name, units=output.unit)
 
 
 def _relative(estimate: Estimate, *notes: str) -> Estimate:
     """Return a relative change with notes on what it is relative to, unless there is no value."""
-    known = () if math.isnan(estimate.value) else notes
-    return estimate.with_note(*known)
-
-
-def _input_note(described: Mapping[Any, Any]) -> str:
-    si = str(described.get("units", DIMENSIONLESS))
-    return _offset_note("input", si, str(described.get("display_units", si)))
+    return estimate if math.isnan(estimate.value) else estimate.with_note(*notes)
 
 
 def _offset_note(of: str, si: str, unit: str) -> str:
@@ -259,101 +252,75 @@ class _Steps:
             CONDITIONAL in runs.attrs,
         )
 
-    @property
-    def without_nominal(self) -> Estimate:
-        """No estimate, for want of the output at the nominal point."""
-        why = texts.NOMINAL_RUN_ABSENT if self.lacks_values else texts.NOMINAL_RUN_FAILED
-        return Estimate.without_bounds(math.nan, why)
+    def response(self) -> Estimate:
+        """Return the relative change of the output divided by that of the input."""
+        if math.isnan(self.nominal):
+            return self._none(texts.NOMINAL_RUN_ABSENT, texts.NOMINAL_RUN_FAILED)
+        if not self.nominal:
+            return Estimate.without_bounds(math.nan, texts.NOMINAL_OUTPUT_IS_0)
+        down, up = self.down / self.nominal - 1, self.up / self.nominal - 1
+        found = self._derivative(down / self.by[0], up / self.by[1], texts.NONLINEAR)
+        is_of_spread = self.is_of_spread and not math.isnan(found.value)
+        return found.with_note(texts.OF_HALF_SPREAD if is_of_spread else "")
 
-    @property
-    def without_step(self) -> Estimate:
-        """No estimate, for want of the output at both steps."""
-        why = texts.STEP_ABSENT if self.lacks_values else texts.STEP_FAILED
-        return Estimate.without_bounds(math.nan, why)
+    def change(self) -> Estimate:
+        """Return the derivative of the output times the standard deviation of the input."""
+        if math.isnan(self.nominal):
+            return self._none(texts.NOMINAL_RUN_ABSENT, texts.NOMINAL_RUN_FAILED)
+        if not self.std:
+            return Estimate.without_bounds(math.nan, texts.FIXED_INPUT)
+        # A step is relative to the nominal value, which may be below 0.
+        per_step = self.sign * self.std
+        return self._derivative(
+            (self.down - self.nominal) / self.by[0] * per_step,
+            (self.up - self.nominal) / self.by[1] * per_step,
+            texts.NONLINEAR_CHANGE,
+        )
 
-    def slopes(self, down: float, up: float) -> _Slopes:
-        """Return slopes to either side, with the reason why one may be missing."""
-        one_sided = texts.ONE_SIDED_STEP_ABSENT if self.lacks_values else texts.ONE_SIDED_STEP
-        return _Slopes(down, up, one_sided)
+    def _derivative(self, down: float, up: float, nonlinear: str) -> Estimate:
+        """Return the mean of the slopes to either side, or the one that there is, with notes."""
+        if math.isfinite(down) and math.isfinite(up):
+            is_curved = abs(up - down) > _CURVED * max(abs(up), abs(down))
+            note = nonlinear.format(down=down, up=up) if is_curved else ""
+            return Estimate.without_bounds((down + up) / 2, texts.ONE_POINT, note)
+        side, value = ("up", up) if math.isfinite(up) else ("down", down)
+        if math.isnan(value):
+            return self._none(texts.STEP_ABSENT, texts.STEP_FAILED)
+        note = texts.ONE_SIDED_STEP_ABSENT if self.lacks_values else texts.ONE_SIDED_STEP
+        return Estimate.without_bounds(value, texts.ONE_POINT, note.format(side=side))
 
-    @property
-    def reference_note(self) -> str:
-        """Note on the reference of the input's change, if it is not the nominal value."""
-        return texts.OF_HALF_SPREAD if self.is_of_spread else ""
-
-
-@dataclass(frozen=True)
-class _Slopes:
-    """Changes of an output over those of one input, to either side; NaN for a failed run."""
-
-    down: float
-    up: float
-    one_sided: str  # note where there is one side, which it names as ``side``
-
-    @property
-    def is_central(self) -> bool:
-        return math.isfinite(self.down) and math.isfinite(self.up)
-
-    @property
-    def value(self) -> float:
-        """The derivative: central, or of the side that there is."""
-        if self.is_central:
-            return (self.down + self.up) / 2
-        return self.up if math.isfinite(self.up) else self.down
-
-    @property
-    def side_note(self) -> str:
-        """Note on a one-sided derivative; empty for none."""
-        if self.is_central:
-            return ""
-        return self.one_sided.format(side="up" if math.isfinite(self.up) else "down")
-
-    @property
-    def note(self) -> str:
-        """Note on a one-sided or a curved response; empty for none."""
-        if self.is_curved:
-            return texts.NONLINEAR.format(down=self.down, up=self.up)
-        return self.side_note
-
-    @property
-    def is_curved(self) -> bool:
-        """True if the steps up and down give different derivatives."""
-        larger = max(abs(self.up), abs(self.down))
-        return self.is_central and abs(self.up - self.down) > _CURVED * larger
+    def _none(self, absent: str, failed: str) -> Estimate:
+        """Return no estimate, for want of the output at some of the points."""
+        return Estimate.without_bounds(math.nan, absent if self.lacks_values else failed)
 
 
-def _response(steps: _Steps) -> Estimate:
-    if math.isnan(steps.nominal):
-        return steps.without_nominal
-    if not steps.nominal:
-        return Estimate.without_bounds(math.nan, texts.NOMINAL_OUTPUT_IS_0)
-    slopes = steps.slopes(
-        (steps.down / steps.nominal - 1) / steps.by[0], (steps.up / steps.nominal - 1) / steps.by[1]
-    )
-    if math.isnan(slopes.value):
-        return steps.without_step
-    return Estimate.without_bounds(slopes.value, texts.ONE_POINT, slopes.note, steps.reference_note)
+# The same at each place of a field.
 
 
-def _contribution(response: Estimate, steps: _Steps) -> Estimate:
-    if not steps.std:
-        return Estimate.without_bounds(math.nan, texts.FIXED_INPUT)
-    return Estimate.without_bounds(abs(response.value) * steps.std, response.note)
+Arrays = Iterator[tuple[str, xr.DataArray]]
+DesignAnalysis = Callable[[xr.Dataset, QuantityOfInterest], Iterable[tuple[str, xr.DataArray]]]
 
 
-def _change(steps: _Steps) -> Estimate:
-    """Return the derivative of an output times the standard deviation of an input."""
-    if math.isnan(steps.nominal):
-        return steps.without_nominal
-    if not steps.std:
-        return Estimate.without_bounds(math.nan, texts.FIXED_INPUT)
-    # A step is relative to the nominal value, which may be below 0.
-    scale_of_step = steps.sign * steps.std
-    slopes = steps.slopes(
-        (steps.down - steps.nominal) / steps.by[0] * scale_of_step,
-        (steps.up - steps.nominal) / steps.by[1] * scale_of_step,
-    )
-    if math.isnan(slopes.value):
-        return steps.without_step
-    curved = texts.NONLINEAR_CHANGE if slopes.is_curved else ""
-    return Estimate.without_bounds(slopes.value, texts.ONE_POINT, slopes.side_note, curved)
+def effects_at_places(runs: xr.Dataset, quantity: QuantityOfInterest) -> Arrays:
+    """Mean, mean absolute value and standard deviation of elementary effects at each place."""
+    yield from _at_places(elementary_effects, runs, quantity)
+
+
+def responses_at_places(runs: xr.Dataset, quantity: QuantityOfInterest) -> Arrays:
+    """Relative responses and contributions at each place, in some units changes, too."""
+    yield from _at_places(relative_responses, runs, quantity)
+
+
+def _at_places(analysis: DesignAnalysis, runs: xr.Dataset, quantity: QuantityOfInterest) -> Arrays:
+    """Apply the analysis of a design at each place; a run without a value there has failed."""
+    output = quantity.output
+    scalar = replace(quantity, output=replace(output, dims=(), may_end=False))
+    values = runs[output.name].values.reshape(runs.sizes[RUN], -1)
+    others = [name for name, each in runs.data_vars.items() if each.dims != (RUN,)]
+    bare = runs.drop_vars(others)
+    found: dict[str, list[xr.DataArray]] = {}
+    for place in values.T:
+        for name, array in analysis(bare.assign({output.name: (RUN, place)}), scalar):
+            found.setdefault(name, []).append(array)
+    for name, arrays in found.items():
+        yield name, joined_places(arrays, output)

@@ -3,44 +3,37 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
 
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
-from uqpen.core.labels import (
-    CONDITIONAL,
-    OF_CATEGORY,
-    OF_EXCEEDANCE,
-    OF_LOGARITHM,
-    PAIR,
-    REPLICATE,
-    ROUND,
-    STATUS,
-)
+from uqpen.core.labels import CONDITIONAL, OF_FIELD, PAIR, REPLICATE, ROUND, RUN, STATUS
+from uqpen.core.model import Output
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
 from uqpen.designs.saltelli import MATRIX_A, MATRIX_B, BlockLayout
 from uqpen.statistics import texts
-from uqpen.statistics.distribution_function.probabilities import (
-    category_coordinates,
-    threshold_coordinates,
-)
 from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around
 from uqpen.statistics.estimate import LEVEL, Estimate
+from uqpen.statistics.fields.field_sample import equal_columns
 from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.intervals import group_sums, ratio_jackknife_error, student_quantile
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.statistics.sample import Sample, SampleShape
-from uqpen.statistics.sensitivity import salib_estimators
-from uqpen.statistics.sensitivity.input_measures import event_array, input_array
+from uqpen.statistics.sample import DistanceShape, Sample, SampleShape
+from uqpen.statistics.sensitivity.input_measures import (
+    function_array,
+    input_array,
+    input_place_array,
+    output_functions,
+)
 
-__all__ = ["INDEX_ORDERS", "BlockVariable", "IndexTerms", "PickFreezeBlocks", "sobol_indices"]
+__all__ = ["sobol_indices", "sobol_indices_at_places"]
 
 # Complete blocks of a pick-freeze design.
 
@@ -130,22 +123,16 @@ _FEWEST_INFORMATIVE = 10
 # A sum of as many standardized values as there ever are is exact to this.
 _ROUNDING = 1e-12
 
+# Values of a field that go through an index together: few enough for the cache of a processor.
+_VALUES_TOGETHER = 2**18
 
-@dataclass(frozen=True)
-class IndexTerms:
-    """Terms of an index: the ratio of two sums over blocks.
 
-    Parameters
-    ----------
-    value : ndarray, shape (...)
-        The index.
-    numerator : ndarray, shape (..., block)
-        Of a variable with variance 1.
-    informative : ndarray of bool, shape (..., block)
-        The blocks that contribute.
+class IndexTerms(NamedTuple):
+    """Terms of an index of a variable with variance 1, the mean of `numerator` over the blocks.
+
+    `numerator` and `informative`, a mask of the blocks that contribute, have shape (..., block).
     """
 
-    value: FloatArray
     numerator: FloatArray
     informative: BoolArray
 
@@ -163,6 +150,8 @@ class BlockVariable:
         The variable, in any unit. At no place it is constant.
     is_event : bool
         True if it is the indicator (0 or 1) of an event.
+    is_distance : bool
+        True if its values are distances from a mean.
     level : float
         Confidence level of the intervals of its indices.
     """
@@ -170,6 +159,7 @@ class BlockVariable:
     blocks: PickFreezeBlocks
     values: npt.NDArray[Any]
     is_event: bool = False
+    is_distance: bool = False
     level: float = LEVEL
 
     @cached_property
@@ -189,83 +179,12 @@ class BlockVariable:
     @cached_property
     def shape(self) -> SampleShape:
         """The shape of that sample."""
-        return self.sample.shape
-
-    def logarithm(self) -> BlockVariable:
-        """Return the variable's logarithm; NaN for failed runs."""
-        with np.errstate(invalid="ignore", divide="ignore"):
-            return replace(self, values=np.log(self.values))
-
-    @property
-    def is_positive(self) -> bool:
-        """True if every value is above zero, in all parts."""
-        rows = self.blocks.rows.values()
-        return self.blocks.count > 0 and all((self.values[part] > 0).all() for part in rows)
-
-    def first_order(self, i: int) -> Estimate:
-        """Share of the variance that would go were input `i` known."""
-        if reason := self.reason_without_indices:
-            return Estimate.without_bounds(math.nan, reason)
-        return self._single_estimate(self.first_order_terms(i))
-
-    def first_order_terms(self, i: int) -> IndexTerms:
-        """Return the terms of a first-order index of a variable that varies."""
-        A, B = self.drawn
-        AB = self._values_at(self.blocks.layout.part_sharing_one(i).matrix)
-        numerator = B * (AB - A)
-        telling = numerator != 0
-        if self.is_event:
-            # Only pairs of points that share the input and both see the rarer case inform on it.
-            side = 1 if self.sample.values.mean() < 0.5 else -1
-            telling = (side * B > 0) & (side * AB > 0)
-        return IndexTerms(salib_estimators.first_order(A, AB, B), numerator, telling)
-
-    def total_order(self, i: int) -> Estimate:
-        """Share of the variance that would stay were all inputs but `i` known."""
-        if reason := self.reason_without_indices:
-            return Estimate.without_bounds(math.nan, reason)
-        return self._single_estimate(self.total_order_terms(i))
-
-    def total_order_terms(self, i: int) -> IndexTerms:
-        """Return the terms of a total-order index of a variable that varies."""
-        A, B = self.drawn
-        AB = self._values_at(self.blocks.layout.part_sharing_others(i).matrix)
-        value = salib_estimators.total_order(A, AB, B)
-        return IndexTerms(value, (A - AB) ** 2 / 2, A != AB)
-
-    def second_order(self, number: int) -> Estimate:
-        """Share of the variance of a pair of inputs beyond their first-order indices."""
-        if reason := self.reason_without_indices:
-            return Estimate.without_bounds(math.nan, reason)
-        layout = self.blocks.layout
-        shared = layout.part_sharing_pair(number)
-        A, B = self.drawn
-        ABj, ABk = (
-            self._values_at(layout.part_sharing_one(i).matrix) for i in layout.pairs[number]
-        )
-        assert shared.anchor is not None
-        pair, BAj = self._values_at(shared.matrix), self._values_at(shared.anchor)
-        numerator = BAj * pair - A * B - B * (ABj - A) - B * (ABk - A)
-        value = salib_estimators.second_order(A, ABj, ABk, BAj, pair, B)
-        return self._single_estimate(IndexTerms(value, numerator, numerator != 0))
-
-    def _single_estimate(self, terms: IndexTerms) -> Estimate:
-        (found,) = self.estimates(terms).each()
-        return found
+        return DistanceShape(self.sample) if self.is_distance else self.sample.shape
 
     @cached_property
     def drawn(self) -> tuple[FloatArray, FloatArray]:
         """Standardized values at the points A and B of each block."""
         return self._values_at(MATRIX_A), self._values_at(MATRIX_B)
-
-    @cached_property
-    def reason_without_indices(self) -> str:
-        """Reason why there are no indices; empty if there are."""
-        if not self.blocks.count:
-            return texts.NO_BLOCK
-        if self.sample.is_constant:
-            return texts.CONSTANT_EVENT if self.is_event else texts.CONSTANT_OUTPUT
-        return ""
 
     def _values_at(self, matrix: int) -> FloatArray:
         """Standardized values at a part of each block."""
@@ -273,45 +192,92 @@ class BlockVariable:
         mean, scale = (each[..., np.newaxis] for each in (self.shape.mean, self.shape.scale))
         return (values - mean) / scale / self.shape.deviations.std(axis=-1, keepdims=True)
 
+    def indices(self, order: str) -> Estimate:
+        """Return the indices of an order: of all inputs, or of all pairs of inputs."""
+        layout = self.blocks.layout
+        numbers = range(len(layout.pairs) if order == "second_order" else layout.dimension)
+        reason = ""
+        if not self.blocks.count:
+            reason = texts.NO_BLOCK
+        elif self.sample.is_constant:
+            reason = texts.CONSTANT_EVENT if self.is_event else texts.CONSTANT_OUTPUT
+        if reason:
+            return Estimate.without_bounds(np.full(len(numbers), np.nan), reason)
+        return Estimate.stacked(self.estimates(self.terms(order, i)) for i in numbers)
+
+    def terms(self, order: str, number: int) -> IndexTerms:
+        """Return the terms of the index of an input, or of a pair of inputs, by its number.
+
+        Of the first order it is the share of the variance that would go were the input known
+        (Saltelli et al. 2010), of the total order the share that would stay were all others known
+        (Jansen 1999, Comput. Phys. Commun. 117, 35-43), of the second order the share of a pair
+        beyond their first-order indices (Saltelli 2002).
+        """
+        (A, B), layout = self.drawn, self.blocks.layout
+        if order == "total_order":
+            AB = self._values_at(layout.part_sharing_others(number).matrix)
+            return IndexTerms((A - AB) ** 2 / 2, A != AB)
+        if order == "first_order":
+            AB = self._values_at(layout.part_sharing_one(number).matrix)
+            numerator = B * (AB - A)
+            if not self.is_event:
+                return IndexTerms(numerator, numerator != 0)
+            # Only pairs of points that share the input and both see the rarer case inform on it.
+            side = 1 if self.sample.values.mean() < 0.5 else -1
+            return IndexTerms(numerator, (side * B > 0) & (side * AB > 0))
+        shared = layout.part_sharing_pair(number)
+        assert shared.anchor is not None
+        pair, BAj = self._values_at(shared.matrix), self._values_at(shared.anchor)
+        ABj, ABk = (
+            self._values_at(layout.part_sharing_one(i).matrix) for i in layout.pairs[number]
+        )
+        numerator = BAj * pair - A * B - B * (ABj - A) - B * (ABk - A)
+        return IndexTerms(numerator, numerator != 0)
+
     @cached_property
     def _denominator(self) -> FloatArray:
         """Contribution of each block to the variance."""
         A, B = self.drawn
         return (A**2 + B**2) / 2
 
-    def estimates(self, terms: IndexTerms) -> Estimate:
-        """Return an index with its interval."""
-        value, blocks = terms.value, self.blocks
+    def estimates(self, terms: IndexTerms, denominator: FloatArray | None = None) -> Estimate:
+        """Return an index with its interval; of a whole field the denominator is given."""
+        blocks, numerator = self.blocks, terms.numerator
+        denominator = self._denominator if denominator is None else denominator
+        value = numerator.mean(axis=-1) / denominator.mean(axis=-1)
         if blocks.replicate_count < 2:
             return Estimate.without_bounds(value, texts.BLOCKS_OF_ONE_REPLICATE)
         # Where a replicate has all of the variance there are no bounds.
         with np.errstate(divide="ignore", invalid="ignore"):
             error, freedom = ratio_jackknife_error(
-                terms.numerator, self._denominator, blocks.replicate, blocks.replicate_count
+                numerator, denominator, blocks.replicate, blocks.replicate_count
             )
         half = student_quantile(freedom, self.level) * error
-        influence = terms.numerator - value[..., np.newaxis] * self._denominator
+        influence = numerator - value[..., np.newaxis] * denominator
         over_blocks = influence.std(axis=-1, ddof=1) / math.sqrt(blocks.count)
         wide = np.maximum(half, student_quantile(blocks.count - 1, self.level) * over_blocks)
         is_uncertain = self.shape.is_uncertain
         half = np.where(is_uncertain, wide, half)
-        warning = texts.DOUBTFUL_AS.format(reason=self._warning)
+        tail = self.shape.tail_note
+        if self.shape.hidden_tail:
+            tail = texts.ONLY_BLOCKS.format(blocks=blocks.count)
         found = Estimate(
             value,
             value - half,
             value + half,
             np.where(is_uncertain, texts.WIDER_OF_TWO, texts.JACKKNIFE),
             np.where(is_uncertain, "conservative", "nominal"),
-            np.where(is_uncertain, warning, self._reservation),
+            np.where(is_uncertain, texts.DOUBTFUL_AS.format(reason=tail), self._reservation),
         )
         found = found.remove_bounds_at(error < _ROUNDING, texts.NO_SCATTER_OF_STRATA)
-        return self._without_doubtful_bounds(found, terms.informative)
-
-    @property
-    def _warning(self) -> str:
-        if self.shape.hidden_tail:
-            return texts.ONLY_BLOCKS.format(blocks=self.blocks.count)
-        return self.shape.tail_note
+        spread = group_sums(denominator, blocks.replicate, blocks.replicate_count)
+        is_in_one = spread.max(axis=-1) == spread.sum(axis=-1)
+        found = found.remove_bounds_at(is_in_one, texts.VARIES_IN_ONE_REPLICATE)
+        are_few = np.count_nonzero(terms.informative, axis=-1) < _FEWEST_INFORMATIVE
+        found = found.remove_bounds_at(are_few, texts.FEW_INFORMATIVE_BLOCKS)
+        if self.is_event and not has_enough_runs_around(self.sample, self.sample.values.sum()):
+            return Estimate.without_bounds(found.value, texts.TOO_ONE_SIDED)
+        return found
 
     @property
     def _reservation(self) -> npt.NDArray[np.str_]:
@@ -321,17 +287,6 @@ class BlockVariable:
             is_small = self.blocks.count < _ENOUGH_FOR_EVENTS
             return np.where(is_small, texts.FEW_BLOCKS.format(blocks=_ENOUGH_FOR_EVENTS), "")
         return np.where(self.shape.is_doubtful, texts.DOUBTFUL_TAIL, "")
-
-    def _without_doubtful_bounds(self, found: Estimate, informative: BoolArray) -> Estimate:
-        """Return indices without the bounds that so few blocks contribute to."""
-        spread = group_sums(self._denominator, self.blocks.replicate, self.blocks.replicate_count)
-        is_in_one = spread.max(axis=-1) == spread.sum(axis=-1)
-        found = found.remove_bounds_at(is_in_one, texts.VARIES_IN_ONE_REPLICATE)
-        are_few = np.count_nonzero(informative, axis=-1) < _FEWEST_INFORMATIVE
-        found = found.remove_bounds_at(are_few, texts.FEW_INFORMATIVE_BLOCKS)
-        if self.is_event and not has_enough_runs_around(self.sample, self.sample.values.sum()):
-            return Estimate.without_bounds(found.value, texts.TOO_ONE_SIDED)
-        return found
 
 
 def sobol_indices(
@@ -350,88 +305,146 @@ def sobol_indices(
         Along ``input`` (``second_order`` along ``pair``) and ``bound``; the indices of exceedance
         first along ``threshold``, those of categories first along ``category``.
     """
-    blocks = PickFreezeBlocks.from_runs(runs)
-    level = quantity.confidence_level
-    name, title = quantity.output.name, quantity.output.title
-    values = runs[name].values
-    if kinds := quantity.output.categories:
-        events = (
-            BlockVariable(blocks, values == kind, is_event=True, level=level)
-            for kind in range(len(kinds))
-        )
-        coordinates = category_coordinates(quantity)
-        what = f"the kind of {title}"
-        yield from _event_indices(blocks, level, events, OF_CATEGORY, what, coordinates)
-        return
-    column = BlockVariable(blocks, values, level=level)
-    yield from _variable_indices(column, "", title)
-    if blocks.layout.pairs:
-        yield _pair_indices(column, title)
-    if column.is_positive:
-        yield from _variable_indices(column.logarithm(), OF_LOGARITHM, f"the logarithm of {title}")
-    if quantity.thresholds:
-        events = (
-            BlockVariable(blocks, values > each.value, is_event=True, level=level)
-            for each in quantity.thresholds
-        )
-        what = f"whether {title} exceeds a value"
-        coordinates = threshold_coordinates(quantity)
-        yield from _event_indices(blocks, level, events, OF_EXCEEDANCE, what, coordinates)
+    blocks, level = PickFreezeBlocks.from_runs(runs), quantity.confidence_level
+    layout, values = blocks.layout, runs[quantity.output.name].values
+    used = np.concatenate([*blocks.rows.values()])
+    is_positive = bool(used.size and (values[used] > 0).all())
+    for function in output_functions(quantity, has_logarithm=is_positive):
+        found = []
+        for row in function.rows:  # of many thresholds, the runs are in memory once
+            with np.errstate(invalid="ignore", divide="ignore"):
+                variable = BlockVariable(blocks, row(values), bool(function.events), level=level)
+            found.append({order: variable.indices(order) for order in INDEX_ORDERS})
+        for order, adjective in INDEX_ORDERS.items():
+            name = f"{adjective} Sobol' indices of {function.title}"
+            rows = [each[order] for each in found]
+            array = function_array(rows, function, layout.inputs, name, level)
+            yield f"{function.prefix}{order}", array.assign_attrs(blocks.attributes)
+        if layout.pairs and not function.prefix:
+            pairs = variable.indices("second_order")
+            name = f"second-order Sobol' indices of {function.title}"
+            array = pairs.to_array(
+                PAIR, units="1", long_name=name, coordinates=_pair_coordinates(layout), level=level
+            )
+            yield "second_order", array.assign_attrs(blocks.attributes)
 
 
-def _variable_indices(
-    column: BlockVariable, prefix: str, title: str
-) -> Iterator[tuple[str, xr.DataArray]]:
-    """First- and total-order indices along ``input``."""
-    blocks = column.blocks
-    for order, adjective in INDEX_ORDERS.items():
-        long_name = f"{adjective} Sobol' indices of {title}"
-        estimates, inputs = _input_estimates(column, order), blocks.layout.inputs
-        array = input_array(estimates, inputs, long_name, level=column.level)
-        yield f"{prefix}{order}", array.assign_attrs(blocks.attributes)
-
-
-def _event_indices(
-    blocks: PickFreezeBlocks,
-    level: float,
-    events: Iterable[BlockVariable],
-    prefix: str,
-    title: str,
-    coordinates: Mapping[str, Any],
-) -> Iterator[tuple[str, xr.DataArray]]:
-    """First- and total-order indices of several events, a row for each."""
-    # Of many thresholds, the runs are in memory once.
-    found = [[_input_estimates(event, order) for order in INDEX_ORDERS] for event in events]
-    for place, (order, adjective) in enumerate(INDEX_ORDERS.items()):
-        rows = [each[place] for each in found]
-        long_name = f"{adjective} Sobol' indices of {title}"
-        array = event_array(rows, coordinates, blocks.layout.inputs, long_name, level)
-        yield f"{prefix}{order}", array.assign_attrs(blocks.attributes)
-
-
-def _pair_indices(column: BlockVariable, title: str) -> tuple[str, xr.DataArray]:
-    """Second-order indices along ``pair``."""
-    layout = column.blocks.layout
+def _pair_coordinates(layout: BlockLayout) -> dict[str, Any]:
     names = [(layout.inputs[i], layout.inputs[j]) for i, j in layout.pairs]
-    array = Estimate.stack(
-        [column.second_order(number) for number in range(len(names))],
-        PAIR,
-        units="1",
-        long_name=f"second-order Sobol' indices of {title}",
-        level=column.level,
-    )
-    texts = {
-        PAIR: ([f"{one}, {other}" for one, other in names], "pair of inputs"),
+    described = {
+        PAIR: ([", ".join(pair) for pair in names], "pair of inputs"),
         f"{PAIR}_first": ([one for one, _ in names], "first input of the pair"),
         f"{PAIR}_second": ([other for _, other in names], "second input of the pair"),
     }
-    coordinates = {
+    return {
         coordinate: (PAIR, np.array(entries, dtype=object), {"long_name": long_name})
-        for coordinate, (entries, long_name) in texts.items()
+        for coordinate, (entries, long_name) in described.items()
     }
-    attributes = column.blocks.attributes
-    return "second_order", array.assign_coords(coordinates).assign_attrs(attributes)
 
 
-def _input_estimates(column: BlockVariable, order: str) -> list[Estimate]:
-    return [getattr(column, order)(i) for i in range(column.blocks.layout.dimension)]
+# The same at each place of a field, and of the field as a whole.
+
+
+def sobol_indices_at_places(
+    runs: xr.Dataset, quantity: QuantityOfInterest
+) -> Iterator[tuple[str, xr.DataArray]]:
+    """Sobol' indices of a field: at each place, and weighted by the variance over all places.
+
+    Where curves end, a block counts at the places that all of its curves reach. A place that fewer
+    than half of the blocks reach has no indices. A field has no second-order indices, and none of
+    its logarithm or of events.
+
+    Yields
+    ------
+    name : str
+        ``first_order``, ``total_order``, ``generalized_first_order``, ``generalized_total_order``.
+    estimate : DataArray
+        Along the dimensions of the field, ``input`` and ``bound``; the generalized ones along
+        ``input`` and ``bound``.
+
+    References
+    ----------
+    Lamboni, M., Monod, H. & Makowski, D. (2011). Reliab. Eng. Syst. Saf. 96, 450-459.
+    Gamboa, F., Janon, A., Klein, T. & Lagnoux, A. (2014). Electron. J. Stat. 8, 575-603.
+    """
+    blocks, output = PickFreezeBlocks.from_runs(runs), quantity.output
+    inputs, level = blocks.layout.inputs, quantity.confidence_level
+    values = runs[output.name].values.astype(np.float64).reshape(runs.sizes[RUN], -1)
+    # Sums over the places, each with its weight: of the terms of each order and input, and of the
+    # squared distances of the points A and B from the mean of the field.
+    numerators = np.zeros((len(INDEX_ORDERS), len(inputs), blocks.count))
+    informative, squares = numerators != 0, np.zeros((2, blocks.count))
+    at_places: dict[str, list[tuple[IntArray, Estimate]]] = {order: [] for order in INDEX_ORDERS}
+    for places, reached, variable, weights in _varying_places(blocks, values, output, level):
+        if isinstance(variable, str):
+            none = Estimate.without_bounds(np.full((len(places), len(inputs)), np.nan), variable)
+            for found in at_places.values():
+                found.append((places, none))
+            continue
+        squares[:, reached] += [np.einsum("p,pb->b", weights, each**2) for each in variable.drawn]
+        note = "" if reached.all() else texts.ENDED_BLOCKS
+        for row, (order, found) in enumerate(at_places.items()):
+            columns = []
+            for i in range(len(inputs)):
+                terms = variable.terms(order, i)
+                columns.append(variable.estimates(terms).with_note(note))
+                numerators[row, i, reached] += np.einsum("p,pb->b", weights, terms.numerator)
+                informative[row, i, reached] |= terms.informative.any(axis=0)
+            found.append((places, Estimate.stacked(columns)))
+    distances = np.full(len(values), np.nan)
+    for matrix, square in zip((MATRIX_A, MATRIX_B), squares, strict=True):
+        distances[blocks.rows[matrix]] = np.sqrt(square)
+    whole = BlockVariable(blocks, distances, is_distance=True, level=level)
+    for row, (order, adjective) in enumerate(INDEX_ORDERS.items()):
+        title = f"{adjective} Sobol' indices of {output.title}"
+        joined = Estimate.joined(at_places[order])
+        array = input_place_array(joined, output, inputs, title, level)
+        yield order, array.assign_attrs(blocks.attributes)
+        generalized = joined[0].each()
+        if squares.any():
+            of_inputs = map(IndexTerms, numerators[row], informative[row])
+            generalized = [whole.estimates(each, squares.mean(axis=0)) for each in of_inputs]
+        array = input_array(generalized, inputs, f"generalized {title}", level=level)
+        yield f"{OF_FIELD}{order}", array.assign_attrs(blocks.attributes)
+
+
+def _varying_places(
+    blocks: PickFreezeBlocks, values: FloatArray, output: Output, level: float
+) -> Iterator[tuple[IntArray, BoolArray, BlockVariable | str, FloatArray]]:
+    """Yield places of a field that the same blocks reach, a few at a time.
+
+    Yields
+    ------
+    places : ndarray of int, shape (place,)
+        By their positions in the field, flattened.
+    reached : ndarray of bool, shape (block,)
+        The blocks that reach them.
+    variable : BlockVariable or str
+        Their values over these blocks, or the reason why they have no indices.
+    weights : ndarray, shape (place,)
+        The variance at each place, times its part of the grid: of a sum over the blocks that reach
+        the place, for all blocks.
+    """
+    whole = np.concatenate([values[part] for part in blocks.rows.values()])
+    # Squares of values over their range do not overflow.
+    highest = np.fmax.reduce(whole, axis=None, initial=-np.inf)
+    unit = float(highest - np.fmin.reduce(whole, axis=None, initial=np.inf)) or 1.0
+    reaches = ~np.isnan(whole).reshape(len(blocks.rows), blocks.count, -1).any(axis=0)
+    for group in equal_columns(reaches):
+        reached = reaches[:, group[0]]
+        some, none = blocks.subset(reached), np.zeros(0)
+        if 2 * some.count < blocks.count or not some.count:
+            yield group, reached, texts.FEW_BLOCKS_REACH if blocks.count else texts.NO_BLOCK, none
+            continue
+        step = max(_VALUES_TOGETHER // len(values), 1)
+        for start in range(0, len(group), step):
+            places = group[start : start + step]
+            # The values of a place next to each other, as sums are then the same as of it alone.
+            own = np.ascontiguousarray(values[:, places].T)
+            varies = ~BlockVariable(some, own).sample.is_constant
+            if not varies.all():
+                yield places[~varies], reached, texts.CONSTANT_OUTPUT, none
+            if varies.any():
+                variable = BlockVariable(some, own[varies], level=level)
+                weights = output.place_weights[places[varies]] * (variable.shape.std / unit) ** 2
+                yield places[varies], reached, variable, weights * (blocks.count / some.count)

@@ -506,7 +506,13 @@ def correction_evidence(
         FoldFit.of(fit, training.isel({RUN: np.flatnonzero(folds.fold == number)}))
         for number, fit in enumerate(folds.models)
     ]
-    if check is not None and _is_drawn(check):
+    # Other check runs are no draws of the distribution of the inputs.
+    drawn = (Sampling.INDEPENDENT, Sampling.STRATIFIED)
+    if (
+        check is not None
+        and Sampling(check.attrs[SAMPLING]) in drawn
+        and WEIGHT not in check.coords
+    ):
         used.append(check)
         parts.append(FoldFit.of(draws.model, check))
     if not used or not wanted:
@@ -529,13 +535,6 @@ def correction_evidence(
         analyze(_first_draws(used[0]), wanted),
         any(STOPPING_STATISTICS in each.attrs for each in used),
     )
-
-
-def _is_drawn(runs: xr.Dataset) -> bool:
-    """Check that runs are draws, or sets of points, of the distribution of the inputs."""
-    sampling = Sampling(runs.attrs[SAMPLING])
-    is_drawn = sampling in (Sampling.INDEPENDENT, Sampling.STRATIFIED)
-    return is_drawn and WEIGHT not in runs.coords
 
 
 def _first_draws(runs: xr.Dataset) -> xr.Dataset:

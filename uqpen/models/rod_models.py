@@ -1,17 +1,97 @@
-"""The Alekseevskii-Tate model of an eroding rod, solved in its tail's velocity."""
+"""Simpler models of a rod: rigid, without strength, and eroding with one velocity of its tail."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy import special
 
 from uqpen.core.arrays import FloatArray
+from uqpen.core.errors import TrajectoryError
 from uqpen.core.model import Arrays, Results
-from uqpen.models.rod_and_target import RodModel, Termination
+from uqpen.models.rod_and_target import OUTPUTS, RodModel, Termination
+from uqpen.models.rod_course import DEPTHS, Trajectory, rigid_motion, trajectory_dataset
+from uqpen.models.rod_motion import RigidMotion, at_impact, make_rods
 
-__all__ = ["AlekseevskiiTate"]
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = ["AlekseevskiiTate", "HydrodynamicLimit", "RigidPenetration"]
+
+
+class HydrodynamicLimit(RodModel):
+    """Depth L0 √(ρp/ρt) of a fast rod that erodes wholly, where neither side's strength matters.
+
+    It takes the inputs of `walker-anderson`; the length and the two densities alone have an effect.
+    It gives its outputs but for `termination`: erosion ends where no rod is left.
+
+    References
+    ----------
+    Birkhoff, G., MacDougall, D. P., Pugh, E. M. & Taylor, G. (1948). J. Appl. Phys. 19, 563-582.
+    """
+
+    name = "hydrodynamic-limit"
+    outputs = tuple(each for each in OUTPUTS if each.name != "termination")
+
+    def evaluate(self, inputs: Arrays) -> Results:
+        density_ratio = inputs["projectile_density"] / inputs["target_density"]
+        depth = inputs["projectile_length"] * np.sqrt(density_ratio)
+        return Results.all_ok(
+            {
+                "penetration_depth": depth,
+                "projectile_residue": np.zeros_like(depth),
+                "erosion_end_depth": depth.copy(),
+            }
+        )
+
+
+class RigidPenetration(RodModel):
+    """Penetration of a rod that keeps its length, with Walker and Anderson's target.
+
+    It takes the inputs of `walker-anderson` and gives its outputs, so that a study can put one in
+    the other's place; the projectile's strength, its sound speed and the smoothing have no effect.
+
+    References
+    ----------
+    Soleng & Svinsås (2001), FFI/RAPPORT-2000/05876, section 3.2.2.
+    """
+
+    name = "rigid-penetration"
+
+    def evaluate(self, inputs: Arrays) -> Results:
+        L = inputs["projectile_length"]
+        depth = _motion(inputs).rest_depth
+        return Results.all_ok(
+            {
+                "penetration_depth": depth,
+                "projectile_residue": L.copy(),
+                "erosion_end_depth": np.zeros_like(depth),
+                "termination": np.full_like(depth, Termination.RIGID),
+            }
+        )
+
+    def trajectory(self, inputs: Mapping[str, float]) -> xr.Dataset:
+        """The course of one run against depth, as that of `walker-anderson`."""
+        arrays = {name: np.array([value], dtype=np.float64) for name, value in inputs.items()}
+        with np.errstate(all="ignore"):
+            motion = _motion(arrays)
+            rest = motion.rest_depth.item()
+        if not 0 < rest < np.inf:
+            raise TrajectoryError("inputs too large or too small")
+        depth = np.linspace(0.0, rest, DEPTHS)
+        u0, inertia, resistance = inputs["impact_velocity"], motion.inertia, motion.resistance
+        time, velocity = rigid_motion(depth, rest, u0, inertia.item(), resistance.item())
+        length = np.full_like(depth, inputs["projectile_length"])
+        still = np.zeros_like(depth)
+        return trajectory_dataset(Trajectory(depth, time, velocity, velocity, length, still))
+
+
+def _motion(inputs: Arrays) -> RigidMotion:
+    rods = make_rods(inputs)
+    return RigidMotion.after(rods, at_impact(rods))
+
 
 # A rule of double-exponential quadrature over (0, 1): the error is below 1e-12 for strengths and
 # densities of four decades and velocities of two.

@@ -1,10 +1,11 @@
-"""Designs for a rare event: exact probabilities, failed runs, mistakes, the same bytes."""
+"""Subset simulation: levels, chains, replicates that disagree, many inputs."""
 
 import math
 
 import numpy as np
 import pytest
-from interrupted_study import check_interruptions_and_workers
+from rare_event_studies import half_space, probability
+from rare_event_studies import study as study_by
 from scipy import special, stats
 
 import uqpen
@@ -23,54 +24,15 @@ from uqpen.statistics.rare_events.rare_event_probability import (
     replicate_interval,
 )
 
-COPULA = {
-    "copula": "gaussian",
-    "of": "normal-scores",
-    "pairs": [{"inputs": ["a", "b"], "correlation": 0.5}],
-}
-INPUTS = {"a": uqpen.Normal(0.0, 1.0), "b": uqpen.Normal(0.0, 1.0)}
-HALF_SPACE = special.ndtr(-4.0)
-
-
-def half_space(a, b):
-    """The sum exceeds 4 √2 with the probability of a standard normal variable above 4."""
-    return {"depth": a + b, "speed": a - b}
-
 
 def study(function=half_space, event=f"depth > {4 * 2**0.5!r} m", *, samples=400, **settings):
-    model = uqpen.PythonModel(
-        function, {"a": "1", "b": "1"}, {"depth": "m", "speed": "m/s"}, vectorized=True
-    )
-    return uqpen.Study(
-        model,
-        settings.pop("inputs", INPUTS),
-        designs={"rare": uqpen.SubsetSimulation(event=event, samples=samples)},
-        seed=4,
-        **settings,
-    )
-
-
-def probability(tree):
-    (found,) = tree["joint_probabilities/rare"]["joint_probability"]
-    return found
-
-
-def contains(found, exact):
-    """Check that the interval contains a value, and that it says something: few runs are made."""
-    _, lower, upper = found.values
-    return bool(lower <= exact <= upper < 30 * lower)
+    design = uqpen.SubsetSimulation(event=event, samples=samples)
+    return study_by(design, function, confidence_level=0.95, **settings)
 
 
 @pytest.fixture(scope="module")
 def tree():
     return uqpen.run(study())
-
-
-def test_the_probability_of_a_half_space_is_in_the_interval(tree):
-    found = probability(tree)
-    assert contains(found, HALF_SPACE)
-    # So many plain runs would most likely have seen none.
-    assert tree["runs/rare"].sizes["run"] * HALF_SPACE < 1
 
 
 def test_a_candidate_is_a_state_where_it_reaches_its_level(tree):
@@ -90,56 +52,6 @@ def test_a_candidate_is_a_state_where_it_reaches_its_level(tree):
         assert (reached >= runs[LEVEL_THRESHOLD].values[own & moved] - 1e-12).all()
 
 
-def test_inputs_may_depend_on_each_other_and_be_truncated():
-    # P(a + b > 7) of a copula: both have a correlation of 0.5, so the sum a variance of 3.
-    dependent = study(event="depth > 7 m", dependence=COPULA)
-    assert contains(probability(uqpen.run(dependent)), special.ndtr(-7 / math.sqrt(3)))
-    cut = uqpen.Truncated(uqpen.Normal(0.0, 1.0), lower=-1.0, upper=4.5)
-    one = study(event="depth > 4 m", inputs={"a": cut, "b": uqpen.Uniform(0.0, 1e-9)})
-    share = special.ndtr(4.5) - special.ndtr(-1)
-    assert contains(probability(uqpen.run(one)), (special.ndtr(-4) - special.ndtr(-4.5)) / share)
-
-
-def test_it_is_conditional_on_admissible_draws():
-    one = study(constraints=["a > 0"], event="depth > 5 m")
-    # Of a > 0 twice the probability of both signs, by symmetry less that of a <= 0.
-    nodes, weights = np.polynomial.legendre.leggauss(200)
-    a = 5 * (nodes + 1)
-    density = np.exp(-(a**2) / 2) / math.sqrt(2 * math.pi)
-    exact = 2 * float((5 * weights * density * special.ndtr(a - 5)).sum())
-    found = probability(uqpen.run(one))
-    assert contains(found, exact)
-    assert found.attrs["conditional_on"] == "admissible inputs"
-
-
-def test_two_distant_modes_are_both_met():
-    def two(a, b):
-        return {"depth": np.abs(a), "speed": b}
-
-    assert contains(probability(uqpen.run(study(two, "depth > 3.5 m"))), 2 * special.ndtr(-3.5))
-
-
-def test_all_or_any_limits_of_several_outputs():
-    both = probability(uqpen.run(study(event="depth > 3 m and speed > 3 m/s")))
-    either = probability(uqpen.run(study(event="depth > 5 m or speed < -5 m/s")))
-    tail = special.ndtr(-5 / math.sqrt(2))
-    assert contains(both, special.ndtr(-3 / math.sqrt(2)) ** 2)
-    assert contains(either, 2 * tail - tail**2)
-
-
-def test_failed_runs_are_neither_safe_nor_in_the_event():
-    def fails(a, b):
-        # Beyond 3.5 the solver fails where b is above 0: half of the event is unknown.
-        return {"depth": np.where((a > 3.5) & (b > 0), np.nan, a), "speed": b}
-
-    found = probability(uqpen.run(study(fails, "depth > 3 m")))
-    known = special.ndtr(-3.0) - special.ndtr(-3.5) / 2
-    estimate, lower, upper = found.values
-    assert lower < known < estimate * 1.5
-    assert upper > special.ndtr(-3.0)
-    assert "for any outcome of the missing runs" in found.attrs["interval"]
-
-
 def test_a_failing_region_gives_bounds_not_a_number_between():
     def fails(a, b):
         return {"depth": np.where(a > 2, np.nan, b), "speed": a}
@@ -147,22 +59,6 @@ def test_a_failing_region_gives_bounds_not_a_number_between():
     _, lower, upper = probability(uqpen.run(study(fails, "depth > 3.5 m"))).values
     assert upper > special.ndtr(-2.0), "all failed runs may have it"
     assert lower <= special.ndtr(-3.5) * special.ndtr(2.0)
-
-
-def test_an_event_that_no_run_shows_has_no_number():
-    def never(a, b):
-        return {"depth": np.minimum(a, 1.0), "speed": b}
-
-    found = probability(uqpen.run(study(never, "depth > 2 m", samples=100)))
-    assert np.isnan(found.values).all()
-    assert "no run shows the event" in found.attrs["note"]
-
-
-def test_an_output_with_two_values_is_no_obstacle():
-    def steps(a, b):
-        return {"depth": (a > 2.0) + (a > 3.0) * 1.0, "speed": b}
-
-    assert contains(probability(uqpen.run(study(steps, "depth > 1.5 m"))), special.ndtr(-3.0))
 
 
 def test_a_threshold_leaves_the_probability_of_its_level_unbiased():
@@ -250,17 +146,6 @@ def test_replicates_orders_of_magnitude_apart_have_no_number():
     assert "differ by a factor above 1000: they say nothing" in estimate.note
 
 
-def test_tables_json_and_page_have_it(tree):
-    table = next(each for each in output_tables(tree) if each.title == "joint probabilities")
-    assert any(row[0].startswith("P(depth > 5.65") for row in table.rows)
-    entry = archive_json(tree)["designs"]["rare"]["joint_probabilities"]
-    (found,) = entry.values()
-    assert found["lower"] < HALF_SPACE < found["upper"]
-    page = str(list(answer(ArchiveView(tree, ""))))
-    assert "By rare: In 0.00" in page
-    assert "parts of the event that no replicate met are not in it" in page.lower()
-
-
 def test_it_takes_the_name_and_limits_of_the_same_requested_event():
     events = {"breach": {"all": ["depth > 3 m"], "at_most": 0.1}, "other": ["speed > 0 m/s"]}
     one = study(event="depth  >  3 m", samples=100, joint_probabilities=events)
@@ -269,47 +154,7 @@ def test_it_takes_the_name_and_limits_of_the_same_requested_event():
     assert found["event_at_most"].values.tolist() == [0.1]
 
 
-@pytest.mark.parametrize(
-    ("settings", "found", "expected"),
-    [
-        ({"event": "depth"}, '"depth"', 'an event such as "depth > 3 m"'),
-        ({"event": "depth > 3 m and speed < 1 m/s or depth < 1 m"}, "and", "not by both"),
-        ({"event": "width > 3 m"}, '"width"', "an output that is a number"),
-        ({"event": "depth > 3 kg"}, '"3 kg"', "m"),
-        ({"event": "depth > 3 m", "samples": 105}, "105", "a multiple of 10"),
-        ({"event": "depth > 3 m", "replicates": 2}, "2", "at least 3"),
-    ],
-)
-def test_mistakes_are_met_before_a_run(tmp_path, settings, found, expected):
-    (tmp_path / "model.py").write_text("def model(a, b): raise SystemExit\n")
-    keys = "\n".join(
-        f"{key} = '{value}'" if isinstance(value, str) else f"{key} = {value}"
-        for key, value in settings.items()
-    )
-    (tmp_path / "study.toml").write_text(
-        '[model]\npython = "model.py:model"\n'
-        'inputs = { a = "1", b = "1" }\noutputs = { depth = "m", speed = "m/s" }\n'
-        '[inputs]\na = "0 ± 1"\nb = "0 ± 1"\n'
-        f'[designs.rare]\nkind = "subset-simulation"\n{keys}\n'
-    )
-    with pytest.raises(uqpen.StudyError) as raised:
-        uqpen.load_study(tmp_path / "study.toml")
-    assert found in str(raised.value)
-    assert expected in str(raised.value)
-
-
 def test_the_runs_are_no_sample(tree):
     assert not list(find_faults(tree))
     assert not Sampling(tree["runs/rare"].attrs["sampling"]).is_sample
     assert "depth" not in tree["statistics/rare"].children
-
-
-DESIGN = """\
-kind = "subset-simulation"
-event = "depth > 5 m"
-samples = 100
-"""
-
-
-def test_a_kill_at_any_level_and_workers_change_no_byte(tmp_path):
-    check_interruptions_and_workers(tmp_path, DESIGN, stops=(4, 14, 27))

@@ -1,0 +1,63 @@
+"""Tables over seeds go on behind what their file has, and stand between their marks."""
+
+import sys
+
+import pytest
+
+seed_table = pytest.importorskip("seed_table", reason="the folder of benchmarks is not here")
+
+
+@pytest.fixture
+def made(tmp_path, monkeypatch):
+    """Make a table of two cases with some options; return the blocks of seeds that were made."""
+
+    def make(*options):
+        blocks = []
+
+        def rows(case, seeds, _):
+            blocks.append((*case, *seeds))
+            yield {"sum": sum(seeds)}
+
+        def page(found):
+            cells = seed_table.totals(found, ("name",), ("count", "sum"))
+            return seed_table.lines(["case", "seeds", "sum"], _texts(cells))
+
+        table = seed_table.SeedTable(
+            ("name",), lambda: [("one",), ("two",)], rows, {"sums": page}, at_once=2
+        )
+        monkeypatch.chdir(tmp_path)
+        monkeypatch.setattr(sys, "argv", ["sums.py", *options])
+        assert table.main("A table.") == 0
+        return blocks
+
+    return make
+
+
+def _texts(cells):
+    return [[*key, cell.count, cell.sum] for key, cell in cells.items()]
+
+
+def test_what_is_in_the_file_is_not_made_again(made, tmp_path):
+    assert made("--seeds", "3", "--only", "^one") == [("one", 0, 1), ("one", 2)]
+    page = tmp_path / "page.md"
+    page.write_text("before\n<!-- sums: begin -->\nold\n<!-- sums: end -->\nafter\n")
+    made_now = made("--seeds", "4", "--markdown", str(page))
+    assert made_now == [("two", 0, 1), ("one", 3), ("two", 2, 3)]
+    table = "| case | seeds | sum |\n|---|---|---|\n| one | 4 | 6 |\n| two | 4 | 6 |"
+    assert f"begin -->\n{table}\n<!-- sums: end -->\nafter" in page.read_text()
+
+
+def test_files_of_other_seeds_add_up(made, capsys):
+    made("--seeds", "2", "--output", "a.csv")
+    made("--first", "2", "--seeds", "2", "--output", "b.csv", "--workers", "2")
+    capsys.readouterr()
+    assert made("--from", "a.csv", "b.csv") == []
+    assert "| two | 4 | 6 |" in capsys.readouterr().out
+
+
+def test_a_page_without_the_marks_is_left_alone(tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text("nothing\n")
+    with pytest.raises(SystemExit, match="no mark"):
+        seed_table.fill(page, "sums", "| a |")
+    assert page.read_text() == "nothing\n"
