@@ -10,8 +10,8 @@ import uqpen
 from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import BOUND, SOURCE_KIND, STATISTICS_GROUP
 from uqpen.core.model import Output
-from uqpen.statistics.ascending import ascending
 from uqpen.statistics.distribution_function.cdfs import cdf
+from uqpen.statistics.intervals import ascending
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.run_samples import sample_of
 

@@ -34,7 +34,6 @@ from uqpen.statistics.input_columns import RunInputs
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.run_samples import (
     absent_condition,
-    condition_of_absent,
     each_sample,
     input_sample,
     runs_with_value,
@@ -302,10 +301,8 @@ def output_run_counts(
 
     They are those of `run_counts`, but for runs without a value; the others' number may be given.
     """
-    if used is None:
-        absent = absent_condition(runs, name)
-    else:
-        absent = condition_of_absent(runs, name, int(counts["runs_used"]) - used)
+    missing = None if used is None else int(counts["runs_used"]) - used
+    absent = absent_condition(runs, name, missing)
     if not absent:
         return {**counts}
     return {**counts, **absent, "runs_used": int(counts["runs_used"]) - int(absent[RUNS_ABSENT])}

@@ -18,12 +18,15 @@ from uqpen.core.arrays import FloatArray, IntArray
 
 __all__ = [
     "additive_residual_error",
+    "ascending",
     "bonett_price",
     "clopper_pearson",
     "dkw_half_width",
     "equivalent_runs",
     "error_of_sums",
     "group_sums",
+    "largest_up_to",
+    "least_from",
     "order_statistic_ranks",
     "ratio_error",
     "ratio_jackknife_error",
@@ -353,3 +356,28 @@ def equivalent_runs(width: FloatArray, plain_width: FloatArray, runs: int) -> Fl
     with np.errstate(divide="ignore", invalid="ignore"):
         found = runs * (plain_width / width) ** 2
     return np.where(np.isfinite(found), found, math.nan)
+
+
+# Functions that ought to ascend, such as distribution functions and their bounds.
+
+
+def largest_up_to(found: FloatArray) -> FloatArray:
+    """Return the largest of all values up to each."""
+    return np.maximum.accumulate(found)
+
+
+def least_from(found: FloatArray) -> FloatArray:
+    """Return the least of all values from each on."""
+    return np.minimum.accumulate(found[::-1])[::-1]
+
+
+def ascending(found: FloatArray) -> FloatArray:
+    """Return the ascending function that is nearest in the largest distance.
+
+    If the true function ascends, it is no farther from that. A function that is nowhere above
+    another one stays so, and bounds contain their estimate.
+
+    >>> ascending(np.array([0.0, 0.5, 0.25, 1.0])).tolist()
+    [0.0, 0.375, 0.375, 1.0]
+    """
+    return (largest_up_to(found) + least_from(found)) / 2

@@ -39,7 +39,6 @@ from uqpen.statistics.sample import Sample
 __all__ = [
     "absent_condition",
     "absent_runs",
-    "condition_of_absent",
     "each_sample",
     "event_sample",
     "input_sample",
@@ -63,21 +62,22 @@ def absent_runs(runs: BlockedRuns, name: str) -> BoolArray | None:
     return mask if mask.any() else None
 
 
-def absent_condition(runs: BlockedRuns, name: str) -> dict[str, int | str]:
+def absent_condition(
+    runs: BlockedRuns, name: str, count: int | None = None
+) -> dict[str, int | str]:
     """Return what the statistics of an output are conditional on, as attributes.
+
+    The number of completed runs without a value may be given.
 
     Returns
     -------
     dict
-        ``runs_absent``, the number of runs without a value, and ``conditional_on``. Empty where
-        all completed runs have one.
+        ``runs_absent``, that number, and ``conditional_on``. Empty where all completed runs have a
+        value.
     """
-    mask = absent_runs(runs, name)
-    return {} if mask is None else condition_of_absent(runs, name, int(mask.sum()))
-
-
-def condition_of_absent(runs: BlockedRuns, name: str, count: int) -> dict[str, int | str]:
-    """Return the same from the number of completed runs without a value."""
+    if count is None:
+        mask = absent_runs(runs, name)
+        count = 0 if mask is None else int(mask.sum())
     if not count:
         return {}
     status, absent = runs.column(STATUS), runs.template[name].attrs[ABSENT]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -84,26 +83,20 @@ def threshold_list(*, key: str) -> Any:
 
 
 def _read_thresholds(written: object, context: Context) -> tuple[Threshold, ...]:
-    read_one = _reader(context)
+    known: set[str] = set()
+
+    def read_one(value: str | float, limits: object = None) -> Threshold:
+        text = value.strip() if isinstance(value, str) else toml_text(value)
+        if text in known:
+            raise QuantityError(f'"{text}" a second time', "each threshold once")
+        number = parse_quantity(value, context.like, allow_offset=context.allow_offset).value
+        known.add(text)
+        return Threshold(text, number, _read_limits({} if limits is None else limits))
+
     if isinstance(written, dict):
         entries = {text: (text, limits) for text, limits in written.items()}
         return tuple(read_each(entries, lambda entry: read_one(*entry)))
     return tuple(read_list(written, read_one))
-
-
-def _reader(context: Context) -> Callable[..., Threshold]:
-    """Return the reader of one threshold after the other, which refuses the same one twice."""
-    texts: set[str] = set()
-
-    def read_one(value: str | float, limits: object = None) -> Threshold:
-        text = value.strip() if isinstance(value, str) else toml_text(value)
-        if text in texts:
-            raise QuantityError(f'"{text}" a second time', "each threshold once")
-        number = parse_quantity(value, context.like, allow_offset=context.allow_offset).value
-        texts.add(text)
-        return Threshold(text, number, _read_limits({} if limits is None else limits))
-
-    return read_one
 
 
 def _read_limits(written: object) -> AcceptanceLimits:

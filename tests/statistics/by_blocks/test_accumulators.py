@@ -78,7 +78,9 @@ def test_order_statistics_are_those_of_the_sorted_values(column, cuts, most):
         sample, everywhere = sample_of(counts, groups), np.arange(expected.size)
         _ = sample.ordered(everywhere)
         if counts.asked:
-            counts.learn([(group, counts.values_asked(part)) for group, part in enumerate(parts)])
+            counts.learn(
+                [(group, counts.values_requested(part)) for group, part in enumerate(parts)]
+            )
         assert (sample.ordered(everywhere) == expected).all()
         for value in (*expected[:3], 0.5):
             below, at_or_below = (

@@ -108,7 +108,7 @@ class ColumnCounts:
         cells: IntArray = 2 * at + (np.append(self.splitters, np.nan)[at] == values)
         return cells
 
-    def values_asked(self, values: FloatArray) -> FloatArray:
+    def values_requested(self, values: FloatArray) -> FloatArray:
         """Return those of some values that lie in the cells asked for."""
         is_asked = np.zeros(self.counts.shape[1], dtype=np.bool_)
         is_asked[[*self.asked]] = True

@@ -183,7 +183,7 @@ class BlockedColumns:
         }
         if parts:
             for group, number, values, _ in self._parts(parts):
-                parts[number].append((group, self.counts[number].values_asked(values)))
+                parts[number].append((group, self.counts[number].values_requested(values)))
             for number, collected in parts.items():
                 self.counts[number].learn(collected)
         return bool(parts)

@@ -10,10 +10,9 @@ import xarray as xr
 from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.labels import RANK
 from uqpen.statistics import texts
-from uqpen.statistics.ascending import ascending
 from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around, sample_quantile
 from uqpen.statistics.estimate import Estimate
-from uqpen.statistics.intervals import clopper_pearson, dkw_half_width, student_interval
+from uqpen.statistics.intervals import ascending, clopper_pearson, dkw_half_width, student_interval
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import ErrorModel, Sample
 from uqpen.statistics.standard_errors import rounding_error

@@ -36,9 +36,14 @@ from scipy import special
 
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 from uqpen.statistics import texts
-from uqpen.statistics.ascending import ascending, largest_up_to, least_from
 from uqpen.statistics.estimate import Estimate
-from uqpen.statistics.intervals import bonett_price, clopper_pearson
+from uqpen.statistics.intervals import (
+    ascending,
+    bonett_price,
+    clopper_pearson,
+    largest_up_to,
+    least_from,
+)
 from uqpen.statistics.surrogate.correction_runs import CorrectionRuns
 
 __all__ = [
