@@ -31,18 +31,6 @@ from uqpen.core.statistic import Statistic
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = [
-    "DESIGN_GROUPS",
-    "GROUPS",
-    "Group",
-    "group_names",
-    "group_place",
-    "innermost_groups",
-    "is_benchmark",
-    "model_trees",
-    "read_group",
-]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Group:

@@ -46,24 +46,6 @@ from uqpen.surrogates.fitting import fit_surrogate
 from uqpen.surrogates.surrogate import Surrogate
 from uqpen.workflow import run_design
 
-__all__ = [
-    "BUDGETS",
-    "COMPARED_ANALYSES",
-    "FEWEST_REPEATS",
-    "REPEATS",
-    "BenchmarkMethod",
-    "BenchmarkRunner",
-    "BenchmarkSettings",
-    "BenchmarkStatistic",
-    "DesignMethod",
-    "Estimates",
-    "MethodCost",
-    "SurrogateMethod",
-    "benchmark_statistics",
-    "study_methods",
-]
-
-
 # Settings.
 
 # Powers of two are fair to all: at other numbers of runs, a Sobol' sequence loses its balance.

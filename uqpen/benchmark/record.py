@@ -50,21 +50,6 @@ from uqpen.results.texts import join_names
 from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.intervals import student_quantile
 
-__all__ = [
-    "NO_VERDICT",
-    "Accuracy",
-    "ErrorRatio",
-    "EstimateRecord",
-    "Verdict",
-    "convergence_slope",
-    "error_ratio",
-    "find_verdict",
-    "reference_remark",
-    "root_mean_square_errors",
-    "verdict_sentence",
-]
-
-
 # Accuracy of methods: errors, rates, and which method leads.
 
 

@@ -14,18 +14,6 @@ from uqpen.core.units import DIMENSIONLESS
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import SUPERSCRIPTS, grouped_number
 
-__all__ = [
-    "CUT",
-    "ValueAxis",
-    "logarithmic_axis",
-    "logarithmic_ticks",
-    "output_axis",
-    "padded_limits",
-    "quantity",
-    "quantity_axis",
-]
-
-
 # Longest tail beyond 99 % of all values that an axis includes, relative to their range.
 _LONG = 0.35
 # Room at either end, and the powers of ten that numbers of double precision have.

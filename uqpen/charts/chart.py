@@ -9,20 +9,6 @@ from typing import NamedTuple
 from uqpen.charts.marks import Mark, Numbers
 from uqpen.results.table import NOTHING, OutputTable
 
-__all__ = [
-    "Axis",
-    "Block",
-    "Chart",
-    "Charts",
-    "LegendKey",
-    "PlaceColumn",
-    "PlaceReadout",
-    "PlaceSlices",
-    "PlottedQuantity",
-    "RunsBeyondAxis",
-    "ThresholdReadout",
-]
-
 
 class Block:
     """A part of a section of a page, whose template sets it by the name of its class."""

@@ -34,23 +34,6 @@ from uqpen.results.digits import count_text, estimate_text, number_text, percent
 from uqpen.results.table import OutputTable, exceedance_label
 from uqpen.results.texts import capitalized, plain_text, unit_suffix
 
-__all__ = [
-    "Curve",
-    "LargestRun",
-    "SimultaneousBand",
-    "cdf_chart",
-    "cdf_charts",
-    "distribution_curves",
-    "empirical_cdf",
-    "exceedance_chart",
-    "exceedance_charts",
-    "exceedance_tail",
-    "model_chart",
-    "model_charts",
-    "overlaid_chart",
-    "scale_notes",
-]
-
 # Fewer distinct values than this are drawn as steps, all of them.
 _FEW_DISTINCT = 500
 # Points of a line through more values, of each spacing.

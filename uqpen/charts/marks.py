@@ -21,34 +21,6 @@ from uqpen.core.labels import INTERVAL_LEVEL
 from uqpen.results.digits import percent_text
 from uqpen.results.texts import capitalized, plain_text
 
-__all__ = [
-    "CROSS",
-    "DASHES",
-    "END",
-    "HOLLOW",
-    "MARKERS",
-    "Band",
-    "Bars",
-    "Colour",
-    "Dots",
-    "HeatMap",
-    "Line",
-    "Mark",
-    "Numbers",
-    "Points",
-    "Rule",
-    "Shade",
-    "all_bounded",
-    "end_of_line",
-    "escape_text",
-    "has_interval",
-    "hollow_note",
-    "interval_notes",
-    "key_marker",
-    "series_dash",
-    "series_marker",
-]
-
 Colour = int | str
 Numbers = Sequence[float] | FloatArray | IntArray
 

@@ -44,17 +44,6 @@ from uqpen.results.table import (
 )
 from uqpen.results.texts import title_with_unit, unit_suffix
 
-__all__ = [
-    "ComparedStatistic",
-    "available_statistics",
-    "compared_sources",
-    "compared_statistics",
-    "comparison_charts",
-    "interval_cost_charts",
-    "main_statistics",
-    "source_charts",
-]
-
 # Rows of a chart, and what is around them, in CSS pixels.
 _ROW, _FRAME = 22, 66
 # Probabilities of one output among its main statistics.

@@ -14,8 +14,6 @@ from uqpen.results.archive_view import ArchiveView
 from uqpen.results.source_statistics import THRESHOLD_PROBABILITIES
 from uqpen.results.texts import plain_text, typeset_quantity
 
-__all__ = ["LimitMarks", "StudyLimit", "limit_marks", "output_span", "study_limits"]
-
 # Widths of an axis by which it is made longer, at the most, for a limit.
 _FAR = 1.5
 # The part of a narrow chart that an upright text takes.

@@ -24,20 +24,6 @@ from uqpen.execution import status_counts
 from uqpen.models.dependencies import current_sha256
 from uqpen.study.identity import ModelIdentity, StudyIdentity, model_tables
 
-__all__ = [
-    "Change",
-    "ModelComparison",
-    "compare_models",
-    "compared_names",
-    "encode_fingerprint",
-    "fingerprint_changes",
-    "has_missing_runs",
-    "is_unchanged",
-    "list_changes",
-    "read_fingerprint",
-    "was_record_of",
-]
-
 _SOURCE, _VERSION = "source_sha256", "version"
 
 _CHECKSUM = "checksum"

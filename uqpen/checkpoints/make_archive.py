@@ -55,14 +55,6 @@ from uqpen.study.table_reader import TableReader
 from uqpen.surrogates.refinement import RefinedDesign
 from uqpen.workflow import Checkpoints, run
 
-__all__ = [
-    "ResumeOptions",
-    "lacks_runs",
-    "make_archive",
-    "runs_not_kept",
-    "unusable_runs",
-]
-
 
 @dataclass(frozen=True)
 class ResumeOptions:

@@ -60,16 +60,6 @@ from uqpen.workflow.repetition import (
     unequal,
 )
 
-__all__ = [
-    "ChosenRuns",
-    "Recheck",
-    "RecheckOutcome",
-    "choose_runs",
-    "is_as_made",
-    "order_runs",
-    "runs_that_are_as_made",
-]
-
 # As many runs are made again as take so long, in seconds.
 _AT_MOST = 1.0
 

@@ -56,26 +56,6 @@ from uqpen.execution.omitted_runs import are_omitted
 from uqpen.study.identity import StudyIdentity, depends_on_batch
 from uqpen.study.study import ValidatedStudy
 
-__all__ = [
-    "BY_MACHINE",
-    "SET_ASIDE",
-    "ArchivePlace",
-    "BatchIndex",
-    "IndexedRuns",
-    "Place",
-    "PointIndex",
-    "RunFinder",
-    "RunSource",
-    "archived_sources",
-    "by_inputs",
-    "first_points",
-    "input_columns",
-    "open_archives",
-    "shown_path",
-    "sources_of_archives",
-    "unused_designs",
-]
-
 # Folder, beside those of designs, of finished runs that belong to none: they are found by their
 # inputs alone. Settings of their design have changed since, or they were made to try a model.
 SET_ASIDE = "set_aside"

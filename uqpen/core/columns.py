@@ -26,9 +26,6 @@ from uqpen.core.netcdf.opening import (
 )
 from uqpen.core.units import DIMENSIONLESS, NUMBER, are_convertible, describe, scale
 
-__all__ = ["Column", "ColumnFile", "columns_of_table", "heading_parts", "read_columns"]
-
-
 _NUMBER = re.compile(NUMBER)
 
 # No heading and no number comes near these numbers of characters.

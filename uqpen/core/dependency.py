@@ -10,21 +10,6 @@ from typing import NamedTuple
 
 from uqpen.core.files import LARGEST
 
-__all__ = [
-    "CHANGED",
-    "CONNECTION",
-    "ENVIRONMENT",
-    "IMPORTED",
-    "LIBRARY",
-    "MODULE",
-    "OBSERVED",
-    "OPENED",
-    "PROGRAM",
-    "Dependency",
-    "file_sha256",
-    "value_sha256",
-]
-
 # Files in the folder of the study, or beside it, by their path from there.
 IMPORTED, OPENED, LIBRARY = "imported", "opened", "library"
 

@@ -10,8 +10,6 @@ from uqpen.core.errors import QuantityError, toml_text
 from uqpen.core.quantities import parse_quantity
 from uqpen.core.settings import setting, validate
 
-__all__ = ["MOST_REPLICATES", "MOST_RUNS", "RUNS_IN_MEMORY", "Limits", "time_limit"]
-
 # Runs of a design that goes by blocks. A model of a microsecond needs twelve days for them.
 MOST_RUNS = 10**12
 

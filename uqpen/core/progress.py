@@ -13,8 +13,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["Progress", "ProgressBroadcast", "ProgressRecord", "StudyProgress"]
-
 
 class Progress:
     """Receiver of progress reports of a study; this base class ignores them."""

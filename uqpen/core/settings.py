@@ -19,40 +19,6 @@ from uqpen.core.labels import NAME
 from uqpen.core.quantities import parse_any_dimension, parse_quantity
 from uqpen.core.units import DIMENSIONLESS
 
-__all__ = [
-    "NUMBERS",
-    "QUANTITY_LIST",
-    "SETTING",
-    "Context",
-    "Setting",
-    "as_float",
-    "choice",
-    "choices",
-    "convert_quantities",
-    "count",
-    "declared_settings",
-    "difference",
-    "file",
-    "flag",
-    "limit",
-    "name",
-    "number",
-    "numbers",
-    "periods",
-    "probabilities",
-    "quantities",
-    "quantity",
-    "quantity_list",
-    "read_each",
-    "read_list",
-    "setting",
-    "share",
-    "text",
-    "validate",
-    "written_settings",
-]
-
-
 # Key of the declaration in the metadata of a field.
 SETTING = "uqpen.setting"
 

@@ -9,20 +9,6 @@ from typing import Any
 
 from uqpen.core.labels import RANK
 
-__all__ = [
-    "RECORD",
-    "RECORD_NUMBERS",
-    "RECORD_WORDS",
-    "EntryDimension",
-    "Measure",
-    "Request",
-    "Shown",
-    "Statistic",
-    "UnitRule",
-    "derived",
-    "of_field",
-]
-
 # The record of a user-defined statistic in attributes of its variable: the beginning of their
 # names, and the fields of `Shown` that they keep.
 RECORD = "shown_"

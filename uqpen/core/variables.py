@@ -20,22 +20,6 @@ from uqpen.core.units import DIMENSIONLESS, scale
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = [
-    "MOST_DIMENSIONS",
-    "POSITIVE",
-    "Bounds",
-    "Category",
-    "DerivedOutput",
-    "Dimension",
-    "Input",
-    "Output",
-    "Reduction",
-    "Variable",
-    "dimension_name_problem",
-    "field_coordinates",
-]
-
-
 # Dimensions of an output at most, beside that of the runs.
 MOST_DIMENSIONS = 3
 

@@ -18,18 +18,6 @@ from uqpen.designs.feedback import Feedback
 from uqpen.designs.stopping.stopping_rule import RequestedOutput
 from uqpen.distributions.joint_distribution import JointDistribution
 
-__all__ = [
-    "RUNS",
-    "STATISTICS",
-    "Design",
-    "Extension",
-    "ModelRounds",
-    "Rounds",
-    "UnloadedDesign",
-    "keep_problems",
-    "keep_setting",
-]
-
 # Extension of a design: which points of an earlier one it keeps.
 
 

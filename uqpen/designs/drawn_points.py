@@ -14,8 +14,6 @@ from uqpen.core.labels import RUN
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["DrawnPoints", "Points", "Round", "points_in_memory", "points_of"]
-
 # Points of a round that are drawn by blocks, when they are needed.
 
 

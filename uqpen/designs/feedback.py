@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     import numpy.typing as npt
     import xarray as xr
 
-__all__ = ["Estimates", "Feedback"]
-
 
 class Estimates(Protocol):
     """Estimates from all rounds of a design so far, computed when they are asked for."""

@@ -25,8 +25,6 @@ from uqpen.designs.monte_carlo import independent_points
 from uqpen.designs.stopping.stopping_rule import RequestedOutput
 from uqpen.distributions.joint_distribution import JointDistribution
 
-__all__ = ["Allocation", "LinearEstimator", "Multifidelity", "best_allocation"]
-
 # Best linear unbiased estimator of a mean from independent groups of runs by several models.
 #
 # A group of runs is made by some of the models at common points. Its mean outputs are unbiased, and

@@ -28,18 +28,6 @@ from uqpen.distributions.joint_distribution import JointDistribution, points_dat
 from uqpen.distributions.orthogonal_polynomials import Recurrence, recurrence
 from uqpen.distributions.univariate import Beta, Gamma, Normal, Uniform
 
-__all__ = [
-    "NESTED_RULES",
-    "WEIGHT_ATTRIBUTES",
-    "NestedRule",
-    "Quadrature",
-    "Rule",
-    "is_exact",
-    "node_counts",
-    "rule_recurrence",
-    "univariate_rules",
-]
-
 # Integration rules of one input: Gauss's, and nested ones whose nodes chaospy computes.
 #
 # The weights of a nested rule are the integrals of Lagrange's polynomials on its nodes over the

@@ -27,8 +27,6 @@ from uqpen.distributions.joint_distribution import JointDistribution, points_dat
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["MATRIX_A", "MATRIX_B", "MOST_ROUNDS", "BlockLayout", "PickFreezePart", "Saltelli"]
-
 # Blocks of a pick-freeze design: their parts, and the labels of their rows.
 #
 # A block of the first round has a row of each of the matrices A and B, whose points are drawn, and

@@ -20,17 +20,6 @@ from uqpen.distributions.distribution import Distribution, UnloadedDistribution
 from uqpen.distributions.frozen import is_chaospy, parse_call
 from uqpen.distributions.univariate import Discrete
 
-__all__ = [
-    "ChaospyJoint",
-    "ImplicitMarginal",
-    "InputGroup",
-    "SampleDistribution",
-    "UnloadedGroup",
-    "chaospy_joint",
-    "declare_joint",
-    "is_joint",
-]
-
 # Interface of the joint distribution of several inputs, and its stand-in without code.
 
 

@@ -21,16 +21,6 @@ from uqpen.distributions.input_group import InputGroup
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = [
-    "Agreement",
-    "FixedInput",
-    "JointDistribution",
-    "RandomInput",
-    "input_agreements",
-    "largest_correlation",
-    "points_dataset",
-]
-
 
 @dataclass(frozen=True)
 class FixedInput:

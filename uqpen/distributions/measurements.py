@@ -21,20 +21,6 @@ from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.distributions import DISTRIBUTIONS
 from uqpen.distributions.distribution import OPEN_INTERVAL, Distribution
 
-__all__ = [
-    "FEWEST",
-    "FEWEST_FOR_A_FAMILY",
-    "LOWEST_P_VALUE",
-    "DistributionFit",
-    "Empirical",
-    "Measurements",
-    "check_measurements",
-    "fit_distribution",
-    "fitted_families",
-    "parameters_text",
-    "value_text",
-]
-
 # Measurements of an input in a file beside the study.
 
 # On average, a share (n - 1) / (n + 1) of the distribution lies between the least and the greatest

@@ -22,9 +22,6 @@ from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.univariate import Beta, Gamma, Lognormal, Normal, Uniform
 
-__all__ = ["Recurrence", "recurrence"]
-
-
 # A distribution is integrated over z, where Φ(z) is the probability below. The range ends here,
 # where Φ(-z) is almost the smallest probability that a double can represent.
 _FARTHEST = 37.0

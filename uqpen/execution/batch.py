@@ -13,8 +13,6 @@ from uqpen.core.limits import Limits
 from uqpen.core.model import Results
 from uqpen.core.status import Status
 
-__all__ = ["Batch", "BatchResult", "Map", "PacedMap", "Work", "join_results"]
-
 
 @dataclass(frozen=True)
 class Batch:

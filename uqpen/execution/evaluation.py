@@ -23,8 +23,6 @@ from uqpen.execution.first_runs import FirstRuns
 from uqpen.execution.open_blocks import BlockRecord, OpenBlocks
 from uqpen.execution.runs import runs_dataset
 
-__all__ = ["EvaluationOptions", "evaluate", "evaluate_blocks"]
-
 
 @dataclass(frozen=True)
 class EvaluationOptions:

@@ -21,9 +21,6 @@ from uqpen.execution.invalid_values import invalid_runs
 from uqpen.execution.processes import run_in_child
 from uqpen.execution.worker_process import is_child_process
 
-__all__ = ["Evaluator", "EvaluatorWork"]
-
-
 # Most warnings of one batch; a model may warn at every run.
 _MOST_WARNINGS = 16
 

@@ -20,8 +20,6 @@ import numpy as np
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 from uqpen.models import dop853
 
-__all__ = ["MOST_STEPS", "Steps", "integrate"]
-
 # Slopes of states of shape (variable, problem), given constants of shape (constant, problem).
 Slopes = Callable[[FloatArray, FloatArray], FloatArray]
 # Whether states of shape (variable, problem) meet a condition.

@@ -37,8 +37,6 @@ from uqpen.models.installed import (
     reachable_modules,
 )
 
-__all__ = ["FunctionSource", "function_source"]
-
 _ABSENT = "the function is an object of the Python program that made the study"
 _CONSTANTS: tuple[type, ...] = (
     *(type(None), bool, int, float, complex, str, bytes, range, slice),

@@ -27,8 +27,6 @@ from uqpen.models.user_code import (
 from uqpen.models.user_defined_model import UserModel, batch_results
 from uqpen.models.user_module import line_in_function, load_function
 
-__all__ = ["PythonFunction", "check_inputs"]
-
 
 @dataclass(frozen=True)
 class PythonFunction(UserModel):

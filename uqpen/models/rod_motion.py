@@ -24,19 +24,6 @@ from uqpen.core.arrays import Arrays, BoolArray, FloatArray, IntArray
 from uqpen.models.dense_integration import Steps, integrate
 from uqpen.models.rod_and_target import sound_speed
 
-__all__ = [
-    "Along",
-    "Curves",
-    "RigidMotion",
-    "Rods",
-    "at_impact",
-    "erosion_slopes",
-    "final_states",
-    "follow_erosion",
-    "is_over",
-    "make_rods",
-]
-
 
 class Rods(NamedTuple):
     """Rods and their targets, as the equations take them: arrays of shape (run,), or numbers."""

@@ -24,8 +24,6 @@ from uqpen.models.rod_motion import (
     make_rods,
 )
 
-__all__ = ["RigidPenetrationTrajectory", "RodTrajectories", "WalkerAndersonTrajectory"]
-
 # Rods that are followed together, so that their slopes stay in the processor's cache.
 _TOGETHER = 1024
 

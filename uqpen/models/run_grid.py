@@ -15,18 +15,6 @@ from uqpen.core.model import Dimension, Output
 from uqpen.core.status import Status
 from uqpen.core.units import are_convertible, scale
 
-__all__ = [
-    "INTERPOLATIONS",
-    "NO_INTERPOLATION",
-    "FieldSources",
-    "RunGrid",
-    "UnusableOutputError",
-    "dimension_names",
-    "extract_outputs",
-    "in_declared_order",
-]
-
-
 # Programs print their coordinates with a few digits. So a run's grid may end before the declared
 # one, or differ from it, by this part of the whole length.
 _ROUNDING = 1e-6

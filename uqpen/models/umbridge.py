@@ -28,19 +28,6 @@ from uqpen.core.units import scale
 from uqpen.models.run_grid import FieldSources
 from uqpen.models.user_code import one_line
 
-__all__ = [
-    "PROTOCOL",
-    "Address",
-    "Deadline",
-    "NoAnswerError",
-    "TooLongError",
-    "UmbridgeClient",
-    "UmbridgeModel",
-    "VectorSizes",
-    "request_sizes",
-    "timed_response",
-]
-
 # HTTP responses that must be complete before a deadline, however slowly their bytes arrive.
 
 

@@ -8,8 +8,6 @@ from uqpen.core.arrays import Arrays
 from uqpen.core.errors import ModelError
 from uqpen.core.model import Input, Model, Output, Results
 
-__all__ = ["UnloadedModel"]
-
 
 @dataclass(frozen=True)
 class UnloadedModel(Model):

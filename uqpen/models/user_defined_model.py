@@ -39,9 +39,6 @@ from uqpen.models.user_module import line_in_folder, load_module
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["UserDefinedModel", "UserModel", "batch_results"]
-
-
 Answer = TypeVar("Answer")
 
 

@@ -22,18 +22,6 @@ from uqpen.models.function_source import FunctionSource
 from uqpen.models.surroundings import MODEL_MODULE, ModelFolder
 from uqpen.models.user_code import error_text, one_line
 
-__all__ = [
-    "FunctionFamily",
-    "UserDefinedFunction",
-    "failure_text",
-    "find_function",
-    "line_in_folder",
-    "line_in_function",
-    "load_function",
-    "load_module",
-    "module_coordinates",
-]
-
 
 def load_function(reference: str, folder: Path) -> tuple[Callable[..., Any], ModelFolder]:
     """Load the function of ``"file.py:function"`` or ``"package.module:function"``.

@@ -11,8 +11,6 @@ from uqpen.core.model import Category, Output
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.core.variables import DerivedOutput, Reduction
 
-__all__ = ["CoordinateReduction", "Occurrence", "along", "derived_outputs"]
-
 # Dimensions of a field in words, and the coordinate of a curve as the number of a run.
 
 

@@ -14,8 +14,6 @@ from uqpen.core.units import DIMENSIONLESS, are_convertible, product, scale
 from uqpen.core.variables import Reduction
 from uqpen.reductions.derived import CoordinateReduction, along
 
-__all__ = ["At", "Integral", "Maximum", "Mean", "Minimum", "PlaceOfMaximum", "PlaceOfMinimum"]
-
 # Largest and smallest values of a field, and where on a curve they are.
 
 

@@ -45,23 +45,6 @@ from uqpen.statistics.intervals import clopper_pearson
 from uqpen.statistics.running_estimates import RunningEstimates
 from uqpen.study.study import ONLY_MODEL, ValidatedStudy
 
-__all__ = [
-    "FEWEST_REPEATS",
-    "MOST_REPEATS",
-    "MOST_RUNS",
-    "SECONDS",
-    "RehearsalSettings",
-    "Repeat",
-    "RepeatRecord",
-    "RepeatWork",
-    "SufficientRuns",
-    "make_repeats",
-    "rehearsal_dataset",
-    "rehearse",
-    "rehearsed_statistics",
-    "sufficient_runs",
-]
-
 # With 1 000 repeats, a coverage of 95 % has a standard error of 0.7 points; with 200, of 1.5.
 MOST_REPEATS, FEWEST_REPEATS = 1000, 200
 

@@ -51,22 +51,6 @@ from uqpen.surrogates.fitted_surrogate import FittedSurrogate
 from uqpen.verification.archived_study import restored_study, study_surrogate
 from uqpen.workflow import run_design
 
-__all__ = [
-    "RehearsedSource",
-    "RehearsedStudy",
-    "equal_runs",
-    "is_drawn",
-    "large_sample",
-    "ok_values",
-    "open_rehearsed",
-    "run_estimates",
-    "run_once",
-    "study_sources",
-    "surrogate_truth",
-    "tail_record",
-    "tail_shares",
-]
-
 # Sources of a rehearsal: the designs of a study, as they stand and at equal numbers of runs.
 
 _DRAWN = (Sampling.INDEPENDENT, Sampling.STRATIFIED, Sampling.PICK_FREEZE)

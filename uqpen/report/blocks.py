@@ -10,26 +10,6 @@ from uqpen.charts.chart import Block, Chart, Charts, PlottedQuantity
 from uqpen.charts.marks import Numbers
 from uqpen.results.table import OutputTable
 
-__all__ = [
-    "Alert",
-    "Alerts",
-    "Columns",
-    "Finding",
-    "Findings",
-    "Fold",
-    "Heading",
-    "Listing",
-    "Quote",
-    "Remarks",
-    "RunColumn",
-    "RunExplorer",
-    "Table",
-    "Text",
-    "find_charts",
-    "find_explorers",
-    "flattened",
-]
-
 
 @dataclass(frozen=True)
 class Heading(Block):

@@ -34,17 +34,6 @@ from uqpen.execution import status_counts
 from uqpen.results.digits import estimate_text, grouped_number, percent_text
 from uqpen.results.table import NOTHING, OutputTable
 
-__all__ = [
-    "Acceptance",
-    "AcceptanceVerdict",
-    "StatedDecision",
-    "acceptance_json",
-    "add_verdicts",
-    "stopping_text",
-    "unseen_text",
-]
-
-
 # Verdicts on probabilities: whether an interval lies within the acceptance limits of a study.
 
 

@@ -30,16 +30,6 @@ from uqpen.results.texts import title_with_name, title_with_unit, unit_suffix
 from uqpen.statistics.convergence import reason_without_parts
 from uqpen.statistics.run_samples import input_sample
 
-__all__ = [
-    "ArchiveView",
-    "DesignView",
-    "is_logarithmic",
-    "linear_scale_note",
-    "output_heading",
-    "output_title",
-    "select_view",
-]
-
 
 @dataclass(frozen=True)
 class DesignView:

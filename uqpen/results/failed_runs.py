@@ -32,17 +32,6 @@ from uqpen.results.digits import number_text
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.table import OutputTable, estimate_json, json_value, label_with_unit, shown_unit
 
-__all__ = [
-    "FailedRuns",
-    "common_reasons",
-    "failed_runs",
-    "failure_causes",
-    "failure_json",
-    "failure_tables",
-    "has_failed_design",
-    "record_causes",
-]
-
 # Reasons that differ in their numbers alone and stay apart, at the most: there are few exit codes.
 _MOST_APART = 3
 

@@ -37,20 +37,6 @@ from uqpen.results.table import (
     shown_unit,
 )
 
-__all__ = [
-    "CurveEstimates",
-    "FieldPlace",
-    "curve_tables",
-    "curves",
-    "derived_lines",
-    "field_lines",
-    "field_tables",
-    "find_place",
-    "place_option",
-    "select_output",
-]
-
-
 # Fields of a model with a table of their own: the screen of a study with hundreds stays short.
 _MOST_CURVES = 3
 

@@ -37,22 +37,6 @@ from uqpen.results.table import (
 )
 from uqpen.results.texts import plain_text
 
-__all__ = [
-    "InputOrder",
-    "Ranking",
-    "VarianceTitles",
-    "best_ranking",
-    "generalized_table",
-    "index_titles",
-    "input_label",
-    "input_order",
-    "input_ranking",
-    "named_tables",
-    "sensitivity_json",
-    "without_arbitrary_zeros",
-]
-
-
 _ARBITRARY_ZERO = "no per cent, as the zero of {unit} is arbitrary"
 
 

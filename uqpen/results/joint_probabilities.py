@@ -15,8 +15,6 @@ from uqpen.results.acceptance import acceptance_json, add_verdicts
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.table import OutputTable, entries_json, estimate_json
 
-__all__ = ["Disagreement", "disagreements", "joint_json", "joint_tables"]
-
 
 class Disagreement(NamedTuple):
     """Two designs whose estimates of a probability are not compatible.

@@ -49,26 +49,6 @@ from uqpen.results.texts import join_names
 from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.intervals import clopper_pearson
 
-__all__ = [
-    "IS_DOUBTFUL",
-    "IS_LEVEL",
-    "LEGEND",
-    "WINS",
-    "ComparedEntry",
-    "ComparedMethod",
-    "MethodComparison",
-    "benchmark_json",
-    "entry_table",
-    "lowest_expected_coverage",
-    "methods_table",
-    "percentage_text",
-    "reference_remarks",
-    "replicated_verdicts",
-    "single_set_verdicts",
-    "standing_mark",
-    "standings_table",
-]
-
 
 class ComparedMethod(NamedTuple):
     """A method of a benchmark.

@@ -50,20 +50,6 @@ from uqpen.results.table import (
 )
 from uqpen.results.texts import plain_text
 
-__all__ = [
-    "COMPARED",
-    "SHOWN",
-    "THRESHOLD_PROBABILITIES",
-    "SourceStatistics",
-    "best_sources",
-    "described_statistics",
-    "is_sample_design",
-    "labelled_entries",
-    "source_entries",
-    "user_defined",
-]
-
-
 # The probability that a run ends with a status.
 _OF_STATUS = next(each.name for each in FAILURE_STATISTICS.values() if STATUS in each.dims)
 

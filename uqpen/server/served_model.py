@@ -23,8 +23,6 @@ from uqpen.core.status import Status
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.execution import Evaluator
 
-__all__ = ["HiddenModel", "RefusedError", "ServedModel", "only_vector"]
-
 
 class RefusedError(Exception):
     """Error: a request that gets an error as its response."""

@@ -38,15 +38,6 @@ from uqpen.statistics.surrogate.corrected_moments import (
     quantile_probabilities,
 )
 
-__all__ = [
-    "GroupRuns",
-    "LinearEstimate",
-    "MatchedThresholds",
-    "control_variate_statistics",
-    "linear_estimate",
-    "read_groups",
-]
-
 # Runs of an output by groups of models, at independent points of each group.
 
 

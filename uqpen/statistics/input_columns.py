@@ -16,8 +16,6 @@ from uqpen.core.blocks import BlockedRuns
 from uqpen.core.labels import ROLE, RUN
 from uqpen.statistics.ordering import Ordering
 
-__all__ = ["InputColumns", "RunInputs"]
-
 Made = TypeVar("Made")
 
 

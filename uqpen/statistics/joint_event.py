@@ -11,8 +11,6 @@ import numpy as np
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.statistics.threshold import AcceptanceLimits
 
-__all__ = ["JointEvent", "OutputLimit"]
-
 
 @dataclass(frozen=True)
 class OutputLimit:

@@ -12,8 +12,6 @@ import numpy.typing as npt
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 from uqpen.statistics.intervals import group_sums
 
-__all__ = ["Numbers", "Ordering"]
-
 # Of 32 bits where that is enough: half of the memory.
 Numbers = npt.NDArray[np.signedinteger[Any]]
 

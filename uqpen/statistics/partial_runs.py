@@ -11,8 +11,6 @@ from uqpen.core.labels import FAILED_RUN, REPLICATE, RUN, SAMPLING
 from uqpen.core.sampling import Sampling
 from uqpen.statistics.convergence import reason_without_parts
 
-__all__ = ["SampleSoFar", "first_runs", "sample_so_far"]
-
 _IN_BLOCKS = "its points form blocks, and a part of them is no sample of the inputs"
 _NO_REPLICATE = (
     "it has fewer than two complete replicates, and a part of a stratified set is no such set"

@@ -15,8 +15,6 @@ from uqpen.statistics.estimate import Estimate
 if TYPE_CHECKING:
     from uqpen.statistics.analyze import OutputStatistics
 
-__all__ = ["Publication", "PublishedEstimates", "published_estimates"]
-
 
 @dataclass(frozen=True)
 class PublishedEstimates:

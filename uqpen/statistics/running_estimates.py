@@ -23,8 +23,6 @@ from uqpen.statistics.analyze import OutputStatistics, analyze
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.user_defined_analysis import UserDefinedAnalysis
 
-__all__ = ["RequiredRuns", "RunningEstimates", "required_runs"]
-
 
 @dataclass(frozen=True)
 class RunningEstimates:

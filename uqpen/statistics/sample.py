@@ -21,19 +21,6 @@ from uqpen.statistics.ordering import Ordering
 from uqpen.statistics.tally import Tally
 from uqpen.statistics.weights import effective_sizes, weighted_mean
 
-__all__ = [
-    "DOUBTFUL_KURTOSIS",
-    "ENOUGH_RUNS_FOR_MEANS",
-    "ENOUGH_RUNS_FOR_TAILS",
-    "FEWEST_EFFECTIVE_RUNS",
-    "FEWEST_RUNS_FOR_TAILS",
-    "Column",
-    "DistanceShape",
-    "ErrorModel",
-    "Sample",
-    "SampleShape",
-]
-
 # Error models of samples.
 
 

@@ -22,20 +22,6 @@ from uqpen.statistics.intervals import student_quantile
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import ErrorModel, Sample
 
-__all__ = [
-    "FEWEST_BEYOND",
-    "FEWEST_RUNS",
-    "P_VALUES",
-    "SHAPES",
-    "FittedTail",
-    "TailFit",
-    "fit_tails",
-    "fitting_tails",
-    "log_likelihood",
-    "p_value",
-    "return_levels",
-]
-
 # Generalised Pareto distribution of excesses over a threshold, by maximum likelihood.
 
 # The search goes over the logarithm of 1 + ξ x/σ at the largest excess x.

@@ -10,8 +10,6 @@ import numpy as np
 
 from uqpen.core.arrays import FloatArray, IntArray
 
-__all__ = ["Tally"]
-
 
 @dataclass(frozen=True, eq=False)
 class Tally:

@@ -9,8 +9,6 @@ from uqpen.core.errors import Problem, QuantityError, SettingsError, toml_text
 from uqpen.core.quantities import parse_quantity
 from uqpen.core.settings import Context, read_each, read_list, setting, share, validate
 
-__all__ = ["Acceptable", "AcceptanceLimits", "Threshold", "threshold_list"]
-
 _PROBABILITY = 'a probability from 0 to 1, such as 0.05 or "5 %"'
 _LIMITS = "a table such as { at_most = 0.05 }"
 

@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from uqpen.statistics.quantity_of_interest import QuantityOfInterest
     from uqpen.statistics.sample import Sample
 
-__all__ = ["Analysis", "UserDefinedAnalysis"]
-
 # The words of labels.
 _ENTRY = ("{entry}",)
 

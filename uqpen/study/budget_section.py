@@ -14,17 +14,6 @@ from uqpen.study.document import Document
 from uqpen.study.study import Variant
 from uqpen.study.table_reader import TableReader
 
-__all__ = [
-    "BUDGET",
-    "FEWEST_RUNS",
-    "STAND_IN",
-    "BudgetPlan",
-    "PlannedTable",
-    "check_budget",
-    "plan_budget",
-    "plan_runs",
-]
-
 # Fewer runs estimate next to nothing: ten are the fewest that an empirical distribution takes.
 FEWEST_RUNS = 10
 

@@ -18,16 +18,6 @@ from typing import Any
 
 from uqpen.core.errors import Problem, StudyError, is_huge, toml_text
 
-__all__ = [
-    "LARGEST",
-    "MOST_LISTED",
-    "ArgumentsDocument",
-    "Document",
-    "inner_table",
-    "parse_document",
-    "read_document",
-]
-
 # Most bytes of a study's text.
 LARGEST = 4 * 1024 * 1024
 

@@ -32,21 +32,6 @@ from uqpen.study.user_defined_members import (
 )
 from uqpen.surrogates.refinement import RefinedDesign
 
-__all__ = [
-    "POINT_TABLES",
-    "ModelIdentity",
-    "StudyIdentity",
-    "depends_on_batch",
-    "is_user_defined",
-    "level_attribute",
-    "model_attributes",
-    "model_identity",
-    "model_tables",
-    "root_attributes",
-    "run_fingerprint",
-    "study_identity",
-]
-
 # Sections that determine the points of every design. The title does not, nor what is asked of the
 # runs, nor what they are held against.
 POINT_TABLES = tuple(key for key, section in SECTIONS.items() if section.determines_points)

@@ -31,13 +31,6 @@ from uqpen.distributions.joint_distribution import JointDistribution, RandomInpu
 from uqpen.study.table_reader import OBJECT, TableReader, read_named_object
 from uqpen.study.user_defined_members import COPULA, read_class
 
-__all__ = [
-    "Groups",
-    "Inputs",
-    "read_dependence",
-    "read_groups",
-]
-
 _KINDS = ("sample", "chaospy", OBJECT)
 _SAMPLE = 'a CSV or NetCDF file beside the study, with a column such as "x [cm]" for each input'
 

@@ -38,23 +38,6 @@ from uqpen.study.table_reader import OBJECT, TableReader, check_names, named_tab
 from uqpen.study.user_defined_members import MODEL, installed_names, is_reference, read_instance
 from uqpen.study.variables_section import Variables, read_variables, refuse_grids
 
-__all__ = [
-    "USER_DEFINED_MODELS",
-    "ModelsTogether",
-    "PartialModel",
-    "check_stand_ins",
-    "check_variants",
-    "find_variable_faults",
-    "mentioned_model",
-    "read_limits",
-    "read_model",
-    "read_model_class",
-    "read_models",
-    "read_object",
-    "read_partial_model",
-    "unloaded_function",
-]
-
 _WORD = re.compile(r"[^\W\d]\w*")
 
 

@@ -19,20 +19,6 @@ from uqpen.models.data.data_file import DataColumn, DataFile, read_data_file
 from uqpen.models.data.data_model import REASON, STATUS, data_coordinates, data_results
 from uqpen.study.data_section import OTHER_COLUMNS
 
-__all__ = [
-    "FILL_IN",
-    "DataDraft",
-    "Draft",
-    "DraftInput",
-    "check_names",
-    "command_draft",
-    "data_draft",
-    "function_draft",
-    "head_lines",
-    "line",
-    "surrogate_lines",
-]
-
 FILL_IN = "FILL IN"
 # Width of an input that nothing is known of, relative to its nominal value.
 _SPREAD = 0.1

@@ -48,16 +48,6 @@ from uqpen.study.user_defined_members import DESIGN, DISTRIBUTION, MODEL, SURROG
 from uqpen.surrogates import SURROGATES
 from uqpen.surrogates.surrogate import Surrogate
 
-__all__ = [
-    "OutputSpec",
-    "PythonModel",
-    "Study",
-    "StudyContent",
-    "is_data",
-    "joint_paths",
-    "load_study",
-]
-
 # Settings of an output with dimensions, which belong to the model.
 _OF_MODEL = ("along", "may_end", "on", "interpolation")
 

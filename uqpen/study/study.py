@@ -23,8 +23,6 @@ from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.user_defined_analysis import UserDefinedAnalysis
 from uqpen.surrogates.surrogate import Surrogate
 
-__all__ = ["ONLY_MODEL", "StandIn", "SurrogateOrigin", "ValidatedStudy", "Variant", "family_costs"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class StandIn:

@@ -16,19 +16,6 @@ from uqpen.core.settings import Context, declared_settings
 from uqpen.core.units import ANY_DIMENSION, are_convertible, describe
 from uqpen.study.document import MOST_LISTED, Document
 
-__all__ = [
-    "OBJECT",
-    "SETTINGS",
-    "NamedObject",
-    "StudyParts",
-    "TableReader",
-    "check_names",
-    "family_member",
-    "is_variable_name",
-    "named_tables",
-    "read_named_object",
-]
-
 T = TypeVar("T")
 
 

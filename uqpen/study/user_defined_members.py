@@ -31,24 +31,6 @@ from uqpen.study.table_reader import OBJECT, SETTINGS, TableReader, family_membe
 from uqpen.surrogates import ENTRY_POINTS, SURROGATES
 from uqpen.surrogates.surrogate import Surrogate
 
-__all__ = [
-    "COPULA",
-    "DESIGN",
-    "DISTRIBUTION",
-    "MODEL",
-    "SURROGATE",
-    "Files",
-    "class_reference",
-    "installed_names",
-    "is_reference",
-    "named_objects",
-    "named_references",
-    "read_class",
-    "read_instance",
-    "read_member",
-    "user_defined_objects",
-]
-
 Files = tuple[FileSnapshot, ...]
 
 

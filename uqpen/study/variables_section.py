@@ -41,13 +41,6 @@ from uqpen.models.run_grid import INTERPOLATIONS, NO_INTERPOLATION, FieldSources
 from uqpen.study.document import inner_table
 from uqpen.study.table_reader import TableReader, is_variable_name
 
-__all__ = [
-    "Variables",
-    "dimensions_from_model",
-    "read_variables",
-    "refuse_grids",
-]
-
 _WITH_UNITS = (".csv", ".nc")
 
 

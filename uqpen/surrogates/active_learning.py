@@ -35,8 +35,6 @@ from uqpen.surrogates.limit_state_surrogate import (
     surrogate_states,
 )
 
-__all__ = ["ActiveLearning", "NormalMixture", "draw_correction"]
-
 # Mixture of normal distributions: an importance density for a rare event.
 
 # Numbers of components that are tried, and steps of each fit.

@@ -27,20 +27,6 @@ from uqpen.surrogates.field_surrogate import FieldSurrogate, has_fields
 from uqpen.surrogates.fitted_surrogate import FittedSurrogate, Prediction
 from uqpen.surrogates.surrogate import Surrogate
 
-__all__ = [
-    "EXTRAPOLATED",
-    "ArchivedSurrogate",
-    "ExtrapolationWarning",
-    "RefutationWarning",
-    "archived_surrogate",
-    "broadcast_inputs",
-    "input_array",
-    "is_restorable",
-    "restore_surrogate",
-    "std_name",
-    "surrogate_paths",
-]
-
 # Points to predict at, as a caller gives them: quantities, numbers, arrays of either.
 
 

@@ -38,8 +38,6 @@ from uqpen.surrogates.fitting import CrossFit, cross_fit
 from uqpen.surrogates.surrogate import Surrogate, components_setting
 from uqpen.surrogates.training import TrainedSurrogate, TrainingRuns
 
-__all__ = ["BestSurrogate", "ChosenSurrogates", "FixedChoice", "ModelRace"]
-
 # A race of several surrogates by cross-validation: how far the best one leads.
 
 # A lead is beyond the noise above this number of its standard errors.

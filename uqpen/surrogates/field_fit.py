@@ -28,17 +28,6 @@ from uqpen.surrogates.diagnostics import (
 from uqpen.surrogates.fitted_surrogate import Prediction
 from uqpen.surrogates.training import size_problem
 
-__all__ = [
-    "FIT_TEXT",
-    "FieldCheck",
-    "FieldFit",
-    "PrincipalComponents",
-    "ScoreModel",
-    "field_components",
-    "score_name",
-    "scored_runs",
-]
-
 # Principal components of a field: its mean and the few shapes that its runs scatter in.
 #
 # A field is its mean plus a sum of components, each times a score. The scores are plain numbers of

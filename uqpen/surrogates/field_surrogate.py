@@ -25,8 +25,6 @@ from uqpen.surrogates.field_fit import (
 from uqpen.surrogates.fitted_surrogate import FittedSurrogate, Prediction
 from uqpen.surrogates.surrogate import Surrogate
 
-__all__ = ["FieldSurrogate", "fit_fields", "has_fields"]
-
 
 @dataclass(frozen=True, eq=False)
 class FieldSurrogate(FittedSurrogate):

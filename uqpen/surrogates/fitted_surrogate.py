@@ -17,8 +17,6 @@ from uqpen.core.status import Status
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["ClosedForms", "FittedSurrogate", "InputShares", "Prediction"]
-
 
 @dataclass(frozen=True, eq=False)
 class Prediction:

@@ -23,8 +23,6 @@ from uqpen.surrogates.surrogate import Surrogate
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["FOLDS", "CrossFit", "cross_fit", "fit_surrogate", "is_built_in"]
-
 # Attributes that every reader of an archive needs.
 _NEEDED = ("kind", "design", "outputs", "runs_used")
 

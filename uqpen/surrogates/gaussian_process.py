@@ -34,8 +34,6 @@ from uqpen.surrogates.training import logarithm_problem
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["GaussianProcess", "LeftOutErrors"]
-
 # Errors of a Gaussian process at runs left out, and the factor that they give its deviations.
 #
 # At each run the process is conditioned on all the others, in closed form. Its lengths and its

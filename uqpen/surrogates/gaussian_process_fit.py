@@ -17,22 +17,6 @@ from uqpen.surrogates.diagnostics import Diagnostic
 from uqpen.surrogates.fitted_surrogate import Prediction
 from uqpen.surrogates.separate_fits import OutputFit
 
-__all__ = [
-    "FEW_RUNS",
-    "SMOOTHNESS",
-    "ConditionedProcess",
-    "GaussianProcessFit",
-    "Parameters",
-    "ProcessData",
-    "StandardisedInputs",
-    "correlations",
-    "correlations_and_slopes",
-    "improve_parameters",
-    "likeliest_parameters",
-    "negative_log_likelihood",
-    "trend_terms",
-]
-
 # Matérn correlations, with a length for each input.
 #
 # References

@@ -29,17 +29,6 @@ from uqpen.surrogates.gaussian_process_fit import (
     correlations,
 )
 
-__all__ = [
-    "EXPECTED_FEASIBILITY",
-    "U_FUNCTION",
-    "LimitStateSurrogate",
-    "PredictedEvents",
-    "SurrogateStates",
-    "choose_batch",
-    "learning_criterion",
-    "surrogate_states",
-]
-
 # Surrogate of a limit state: a Gaussian process for the excess over each limit.
 
 # Points that are predicted at a time: their correlations with the runs stay small in memory.

@@ -29,19 +29,6 @@ if TYPE_CHECKING:
 
     from uqpen.surrogates.fitting import CrossFit
 
-__all__ = [
-    "FOR_MEAN",
-    "FOR_PROBABILITIES",
-    "Placement",
-    "PredictedError",
-    "RefinedDesign",
-    "RefinedModel",
-    "RefinedOutput",
-    "Refinement",
-    "place",
-    "predicted_errors",
-]
-
 # Candidates for each point.
 _CANDIDATES = 64
 # A round makes at most this part of the runs before it, so that later ones know more.

@@ -29,8 +29,6 @@ from uqpen.surrogates.diagnostics import (
 from uqpen.surrogates.fitted_surrogate import Prediction
 from uqpen.surrogates.training import TrainedSurrogate
 
-__all__ = ["FittedOutput", "OutputFit", "SeparateFits", "predict_output"]
-
 
 class OutputFit(ABC):
     """Fit to one output of a model: a frozen dataclass that predicts the output.

@@ -18,8 +18,6 @@ from uqpen.surrogates.fitted_surrogate import FittedSurrogate
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["DEFAULT_COMPONENTS", "Surrogate", "UnloadedSurrogate", "components_setting"]
-
 # The truncation then leaves at most 1 % of the standard deviation.
 DEFAULT_COMPONENTS = 0.9999
 

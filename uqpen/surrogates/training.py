@@ -21,14 +21,6 @@ from uqpen.surrogates.fitted_surrogate import FittedSurrogate
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = [
-    "TrainedSurrogate",
-    "TrainingRecord",
-    "TrainingRuns",
-    "logarithm_problem",
-    "size_problem",
-]
-
 # Sums of squares of up to 1e8 values, and of their coefficients, are finite and not 0.
 _LARGEST = 1e140
 

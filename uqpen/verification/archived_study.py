@@ -38,21 +38,6 @@ from uqpen.study.variables_section import dimensions_from_model
 from uqpen.surrogates.archived_surrogate import restore_surrogate, surrogate_paths
 from uqpen.surrogates.fitted_surrogate import FittedSurrogate
 
-__all__ = [
-    "NamedCode",
-    "RestoredStudy",
-    "Runs",
-    "archived_runs",
-    "archived_study",
-    "find_incompatibility",
-    "named_code",
-    "refuse_user_defined_names",
-    "restored_study",
-    "run_inputs",
-    "study_surrogate",
-    "with_kept_folders",
-]
-
 # Archived runs by model and design.
 Runs = Mapping[str, Mapping[str, xr.Dataset]]
 

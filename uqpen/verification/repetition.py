@@ -42,8 +42,6 @@ from uqpen.verification.unrepeated import omitted_designs, other_recipe, without
 from uqpen.workflow import analyse_runs, run_design
 from uqpen.workflow.repetition import Difference, hashes_again, run_differences
 
-__all__ = ["Repetition"]
-
 _ELSEWHERE = "last bits may differ where the versions or processors do, and a hash shows no size"
 
 

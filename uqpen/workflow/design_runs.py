@@ -27,13 +27,6 @@ from uqpen.execution.recorded_runs import recorded_map
 from uqpen.statistics.running_estimates import RunningEstimates
 from uqpen.study.study import ValidatedStudy
 
-__all__ = [
-    "Runs",
-    "TrialRun",
-    "run_design",
-    "trial_run",
-]
-
 # Runs by the name of a design, or of a model.
 Runs = dict[str, xr.Dataset]
 

@@ -24,17 +24,6 @@ from uqpen.execution.batching import BATCH_SIZE
 from uqpen.execution.omitted_runs import batch_hashes
 from uqpen.study.study import ValidatedStudy, Variant
 
-__all__ = [
-    "TOLERANCE",
-    "Difference",
-    "difference_text",
-    "first_difference",
-    "hashes_again",
-    "relative_difference",
-    "run_differences",
-    "unequal",
-]
-
 # What other versions or another machine may change: far more than last bits that a computation
 # carries along, far less than any interval; relative to the scale of a variable.
 TOLERANCE = 1e-9

@@ -37,8 +37,6 @@ from uqpen.statistics.run_samples import input_sample
 from uqpen.study.identity import root_attributes
 from uqpen.study.study import ValidatedStudy
 
-__all__ = ["ResultsSoFar", "RunningResults"]
-
 # What is estimated again and again. Measures of the inputs' part would take too long.
 _SHOWN = (MOMENTS, QUANTILES, EXCEEDANCE, SHARES)
 

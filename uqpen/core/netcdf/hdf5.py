@@ -15,18 +15,6 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-__all__ = [
-    "ARCHIVE_LIMITS",
-    "DATA_LIMITS",
-    "SIGNATURE",
-    "Content",
-    "ContentLimits",
-    "RefusedContentError",
-    "check_count",
-    "check_hdf5",
-]
-
-
 Content = bytes | mmap.mmap
 
 # The address of what is not stored.

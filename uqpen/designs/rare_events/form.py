@@ -15,21 +15,6 @@ from uqpen.designs.rare_events.limit_state import LimitState
 from uqpen.designs.rare_events.rare_event_design import RareEventDesign, Replicate, RequestedPoints
 from uqpen.distributions.joint_distribution import JointDistribution
 
-__all__ = [
-    "CURVATURE_AXIS",
-    "DIFFERENCE",
-    "Form",
-    "FoundPoints",
-    "Search",
-    "SearchPoints",
-    "curvature_offsets",
-    "distinct_points",
-    "principal_curvatures",
-    "search_design_points",
-    "starting_points",
-    "tangent_basis",
-]
-
 # Curvature of the limit of an event at a design point, by second differences.
 
 CURVATURE_AXIS = -2

@@ -34,19 +34,6 @@ from uqpen.designs.rare_events.rare_event_design import (
 )
 from uqpen.distributions.joint_distribution import JointDistribution
 
-__all__ = [
-    "INFLATED",
-    "NOMINAL",
-    "GaussianComponent",
-    "GaussianMixture",
-    "ImportanceSampling",
-    "ImportanceStages",
-    "effective_size",
-    "fitted_components",
-    "inflation",
-    "log_normal_density",
-]
-
 # Mixture of normal distributions that the runs of importance sampling are drawn from.
 
 # Numbers of the first components of every mixture: the distribution of the inputs, and the same

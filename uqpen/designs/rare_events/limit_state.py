@@ -21,14 +21,6 @@ from uqpen.designs.stopping.stopping_rule import RequestedOutput, output_value_p
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = [
-    "EventLimit",
-    "EventOutcomes",
-    "LimitState",
-    "limit_state",
-    "parse_limit_state",
-]
-
 _EVENT = (
     'an event such as "depth > 3 m", a list of limits that must all be met, or '
     '{ any = ["depth > 3 m", "speed < 1 m/s"] }'

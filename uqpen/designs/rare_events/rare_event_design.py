@@ -32,8 +32,6 @@ from uqpen.distributions.joint_distribution import JointDistribution
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["RareEventDesign", "Replicate", "RequestedPoints", "RunOutcomes", "advance_together"]
-
 # Replicates of a method in standard normal space, which all advance in common rounds.
 
 

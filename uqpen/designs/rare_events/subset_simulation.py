@@ -19,14 +19,6 @@ from uqpen.designs.rare_events.limit_state import EventOutcomes, LimitState
 from uqpen.designs.rare_events.rare_event_design import RareEventDesign, Replicate, RequestedPoints
 from uqpen.distributions.joint_distribution import JointDistribution
 
-__all__ = [
-    "CONDITIONAL_PROBABILITY",
-    "STEPS",
-    "ChainStates",
-    "ConditionalSampling",
-    "SubsetSimulation",
-]
-
 # States of the Markov chains of subset simulation, and the levels that they have reached.
 
 CONDITIONAL_PROBABILITY = 0.1

@@ -33,21 +33,6 @@ from uqpen.designs.stopping.stopping_rule import RequestedOutput, output_value_p
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = [
-    "CLAIM",
-    "ERROR",
-    "AcceptanceClaim",
-    "ClaimVerdict",
-    "Decision",
-    "Outcomes",
-    "decide",
-    "deciding_looks",
-    "deciding_rounds",
-    "is_claim",
-    "log_evidence_below",
-    "parse_claim",
-]
-
 # Sequential test of a probability against a limit, which may be looked at after every run.
 #
 # Two wealths are betted, one against each answer. A run multiplies the wealth against "P is at

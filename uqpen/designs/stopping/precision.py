@@ -27,8 +27,6 @@ from uqpen.designs.stopping.stopping_rule import RequestedOutput, StatisticName,
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["Precision", "Target", "read_targets"]
-
 # Target of a stopping rule: the wanted half-width of the interval of one statistic.
 
 _MEAN, _STD, _EXCEEDS, _BELOW = "mean", "standard_deviation", "exceeds", "below"

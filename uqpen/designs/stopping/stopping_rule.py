@@ -22,18 +22,6 @@ from uqpen.designs.drawn_points import Points
 from uqpen.designs.feedback import Feedback
 from uqpen.designs.stopping import STOPPING_RULES
 
-__all__ = [
-    "FIRST_LOOK",
-    "RequestedOutput",
-    "RequestedThreshold",
-    "StatisticName",
-    "StoppingRule",
-    "doubling_looks",
-    "doubling_rounds",
-    "output_value_problems",
-    "stopping_rule",
-]
-
 
 class StatisticName(NamedTuple):
     """Name of an estimate in an archive.

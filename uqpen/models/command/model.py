@@ -32,21 +32,6 @@ from uqpen.models.command.program import BRACES, Delimiters, NotWholeError, Prog
 from uqpen.models.run_grid import FieldSources, RunGrid, UnusableOutputError, dimension_names
 from uqpen.models.user_code import one_line
 
-__all__ = [
-    "INPUTS",
-    "OUTCOME",
-    "OUTPUTS",
-    "RECORD",
-    "Command",
-    "FolderPolicy",
-    "folder_name",
-    "keep_folder",
-    "last_line",
-    "read_outputs",
-    "remove_variable_parts",
-    "working_folder",
-]
-
 # Folders of runs: a new one for each run, kept or removed at its end.
 
 _SHORT = 12

@@ -30,22 +30,6 @@ from uqpen.core.netcdf.opening import RefusedContentError, read_variable
 from uqpen.core.settings import choice, count, setting, text, validate
 from uqpen.core.status import Status
 
-__all__ = [
-    "ColumnReader",
-    "CsvReader",
-    "JsonReader",
-    "NetcdfReader",
-    "OutputReader",
-    "RunFiles",
-    "TextReader",
-    "UnreadableError",
-    "after_setting",
-    "blank_column",
-    "parse_number",
-    "row_setting",
-    "text_after",
-]
-
 # Files that a run has written: they can contain anything, and each is read once.
 
 # Largest file that is read: a run gone wild must not take this process along.

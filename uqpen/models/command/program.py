@@ -15,20 +15,6 @@ from uqpen.core.files import FileSnapshot, is_file
 from uqpen.core.lookup import choices
 from uqpen.models.user_code import changed_file_error
 
-__all__ = [
-    "BRACES",
-    "Delimiters",
-    "NotWholeError",
-    "Program",
-    "ProgramFile",
-    "fill",
-    "find_mistakes",
-    "find_program",
-    "lies_in_study",
-    "locate_program",
-    "names_in",
-]
-
 # Files of a command: the program, and files beside the study.
 
 

@@ -29,21 +29,6 @@ from uqpen.core.netcdf.opening import (
 )
 from uqpen.core.units import DIMENSIONLESS, NUMBER
 
-__all__ = [
-    "BLANK",
-    "DataColumn",
-    "DataFile",
-    "Entries",
-    "data_error",
-    "data_file",
-    "frame_columns",
-    "name_and_unit",
-    "read_data_file",
-    "read_netcdf",
-    "read_parquet",
-    "read_text",
-]
-
 # Columns of a data file: names, units and entries, some of them blank.
 
 # The entries of a column: numbers, or texts if one of them is no number.

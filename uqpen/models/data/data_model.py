@@ -17,8 +17,6 @@ from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.core.units import scale
 from uqpen.models.data.data_file import DataColumn, DataFile, data_error
 
-__all__ = ["REASON", "STATUS", "DataModel", "data_coordinates", "data_points", "data_results"]
-
 
 @dataclass(frozen=True, eq=False)
 class DataModel(Model):

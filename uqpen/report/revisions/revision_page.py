@@ -36,17 +36,6 @@ from uqpen.results.table import NOTHING, Conversion, OutputTable, identity, labe
 from uqpen.results.texts import plain_text
 from uqpen.study.document import parse_document
 
-__all__ = [
-    "ArchivePair",
-    "ModelPair",
-    "cdf_charts",
-    "estimate_changes",
-    "revision_page",
-    "study_changes",
-    "unpaired",
-    "write_revision_report",
-]
-
 
 @dataclass(frozen=True)
 class ModelPair:

@@ -19,8 +19,6 @@ from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.sample import Column, ErrorModel, Sample, SampleShape
 from uqpen.statistics.tally import Tally
 
-__all__ = ["BlockedSample", "ColumnCounts"]
-
 # Distribution of a column by group of its runs.
 
 _Groups = npt.NDArray[np.int16]

@@ -26,8 +26,6 @@ from uqpen.statistics.distribution_function.probabilities import probabilities_o
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.user_defined_analysis import UserDefinedAnalysis
 
-__all__ = ["LargeSample"]
-
 # Outputs whose accumulators are in memory together, and their number times that of the groups.
 _MOST_OUTPUTS, _MOST_COUNTED = 8, 128
 

@@ -18,8 +18,6 @@ from uqpen.core.status import Status
 from uqpen.statistics.by_blocks.blocked_sample import BlockedSample, ColumnCounts
 from uqpen.statistics.convergence import part_sizes
 
-__all__ = ["BlockedColumn", "BlockedColumns", "Grouping", "output_column", "status_sample"]
-
 # More replicates are joined, as each group has counts of its own: 67 MB for an input.
 _MOST_GROUPS = 1024
 

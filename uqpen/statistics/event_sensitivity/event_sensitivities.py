@@ -37,14 +37,6 @@ from uqpen.statistics.run_samples import event_sample, samples_of
 from uqpen.statistics.sensitivity.given_data import event_first_order
 from uqpen.statistics.sensitivity.input_measures import event_array
 
-__all__ = [
-    "EventScores",
-    "ScoredInputs",
-    "event_coordinates",
-    "event_sensitivities",
-    "sensitivity_arrays",
-]
-
 # Sensitivities of the probabilities of events to all inputs, as estimate arrays.
 
 # Estimates the sensitivities to an input, by its name and its scores.

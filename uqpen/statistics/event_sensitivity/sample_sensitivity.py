@@ -19,8 +19,6 @@ from uqpen.statistics.sample import ErrorModel, Sample
 from uqpen.statistics.standard_errors import mean_margins
 from uqpen.statistics.weights import effective_sizes, runs_on_a_side
 
-__all__ = ["InputScores", "PairOfEstimates", "SensitivityEstimates", "sample_sensitivities"]
-
 # Scores of an input: what a run counts for where the input's mean or standard deviation moves.
 
 # Moments are integrals over a standard normal variable. Beyond its ends lies a probability of

@@ -22,8 +22,6 @@ from uqpen.statistics.intervals import student_quantile
 from uqpen.statistics.rare_events.subset_probability import Level, subset_levels
 from uqpen.statistics.weights import effective_sizes
 
-__all__ = ["SubsetScores"]
-
 _FEWEST_REPLICATES = 3
 
 

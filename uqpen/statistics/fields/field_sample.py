@@ -29,20 +29,6 @@ from uqpen.statistics.moments.sample_moments import sample_moments
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
 
-__all__ = [
-    "FieldSample",
-    "PlaceSamples",
-    "ScalarAnalysis",
-    "along_field",
-    "at_each_place",
-    "equal_columns",
-    "joined_places",
-    "moments_at_places",
-    "probabilities_at_places",
-    "quantiles_at_places",
-    "reached",
-]
-
 # A field over runs, as samples of its values at each place.
 
 # Values of a field that are taken together, so that memory is bounded: 8 MB.

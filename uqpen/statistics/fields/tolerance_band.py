@@ -21,8 +21,6 @@ from uqpen.statistics.intervals import runs_needed, upper_rank
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import ErrorModel
 
-__all__ = ["BandShape", "tolerance_band"]
-
 # The shape of a tolerance band: its median curve, and how far it goes to either side of it.
 
 # The band of multiple 1 goes from the second of these quantiles to the last but one. With 0.05 and

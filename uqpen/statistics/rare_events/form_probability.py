@@ -35,8 +35,6 @@ from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.rare_events.rare_event_probability import RareEventProbability
 from uqpen.statistics.sensitivity.input_measures import input_coordinate
 
-__all__ = ["DesignPoint", "design_points", "form_probability"]
-
 # Nodes of Gauss's rule for the probability beyond two planes; the integrand is smooth.
 _NODES = 32
 

@@ -30,8 +30,6 @@ from uqpen.statistics.rare_events.rare_event_probability import (
     replicate_interval,
 )
 
-__all__ = ["importance_probability"]
-
 # Fewer effective draws in a replicate hardly say how much it scatters.
 _FEW_EFFECTIVE = 10
 

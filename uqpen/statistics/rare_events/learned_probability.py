@@ -26,8 +26,6 @@ from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.rare_events.rare_event_probability import RareEventProbability, WeightedCount
 
-__all__ = ["learned_probability"]
-
 
 class _Correction(NamedTuple):
     """Runs that correct a surrogate.

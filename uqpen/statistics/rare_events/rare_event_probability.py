@@ -20,16 +20,6 @@ from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.intervals import student_quantile
 
-__all__ = [
-    "RareEvent",
-    "RareEventProbability",
-    "ReplicateProbability",
-    "WeightedCount",
-    "half_width_of_logarithm",
-    "rare_event",
-    "replicate_interval",
-]
-
 
 @dataclass(frozen=True)
 class RareEvent:

@@ -37,8 +37,6 @@ from uqpen.statistics.rare_events.rare_event_probability import (
     replicate_interval,
 )
 
-__all__ = ["Level", "TailFunction", "rare_quantiles", "subset_levels", "subset_probability"]
-
 
 def subset_probability(runs: xr.Dataset, event: LimitState, level: float) -> RareEventProbability:
     """Estimate the probability of an event: of a replicate, the product over all levels.

@@ -20,8 +20,6 @@ from uqpen.statistics.sample import Sample, SampleShape
 from uqpen.statistics.sensitivity.input_measures import input_array, reason_without_measure
 from uqpen.statistics.standard_errors import standard_error
 
-__all__ = ["ResidualWeights", "correlations"]
-
 # Residuals of linear regressions of columns on each other, as weighted sums of the columns.
 
 

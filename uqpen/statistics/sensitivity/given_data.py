@@ -29,8 +29,6 @@ from uqpen.statistics.sensitivity.input_measures import (
 from uqpen.statistics.sensitivity.local_regression import RegressionBins, ResidualVariance
 from uqpen.statistics.standard_errors import standard_error
 
-__all__ = ["event_first_order", "first_order", "first_order_at_places"]
-
 # A variable over runs, and the share of its variance that an input explains.
 
 # Three bins: with fewer, a curved mean cannot be distinguished from noise.

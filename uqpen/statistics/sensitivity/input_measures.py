@@ -22,18 +22,6 @@ from uqpen.statistics.fields.field_sample import along_field
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
 
-__all__ = [
-    "OutputFunction",
-    "event_array",
-    "function_array",
-    "input_array",
-    "input_coordinate",
-    "input_place_array",
-    "output_functions",
-    "reason_of_input",
-    "reason_without_measure",
-]
-
 
 class OutputFunction(NamedTuple):
     """Function of an output whose variance the inputs share: itself, its logarithm, or events.

@@ -13,9 +13,6 @@ from uqpen.core.streams import Stream
 from uqpen.statistics.intervals import group_sums
 from uqpen.statistics.sample import ErrorModel, Sample
 
-__all__ = ["RegressionBins", "ResidualVariance"]
-
-
 # Runs in a bin. More runs reduce the noise; fewer runs reduce the bias from curvature.
 _RUNS_IN_A_BIN = 16
 # Of more independent runs than this, bins grow with the root of their number. There are bins enough

@@ -33,8 +33,6 @@ from uqpen.statistics.sensitivity.input_measures import (
     output_functions,
 )
 
-__all__ = ["sobol_indices", "sobol_indices_at_places"]
-
 # Complete blocks of a pick-freeze design.
 
 

@@ -46,15 +46,6 @@ from uqpen.statistics.intervals import (
 )
 from uqpen.statistics.surrogate.correction_runs import CorrectionRuns
 
-__all__ = [
-    "CorrectedCdf",
-    "Counts",
-    "FoldChoice",
-    "FoldCounts",
-    "QuantileChoices",
-    "with_bounds",
-]
-
 # Predictions that folds use for quantiles: one choice for all values of an interval.
 
 

@@ -41,16 +41,6 @@ from uqpen.statistics.surrogate.surrogate_draws import (
 )
 from uqpen.surrogates.fitted_surrogate import ClosedForms
 
-__all__ = [
-    "FIRST_ORDER",
-    "TOTAL_ORDER",
-    "IndexedVariable",
-    "IndexedVariables",
-    "InputParts",
-    "corrected_event_indices",
-    "corrected_indices",
-]
-
 FIRST_ORDER, TOTAL_ORDER = "first_order", "total_order"
 
 Function = Callable[[FloatArray], FloatArray]

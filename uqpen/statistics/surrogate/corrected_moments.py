@@ -24,18 +24,6 @@ from uqpen.statistics.sample import (
 from uqpen.statistics.standard_errors import Margins
 from uqpen.statistics.surrogate.correction_runs import CorrectionRuns
 
-__all__ = [
-    "CorrectedMean",
-    "CorrectedMoments",
-    "corrected_mean",
-    "kurtosis",
-    "quantile_estimates",
-    "quantile_probabilities",
-    "spacing",
-    "tail_allowance",
-    "upper_allowance",
-]
-
 # Corrected mean: a surrogate's mean over cheap draws plus what real runs say of its error.
 #
 # The predictions are a control variate whose mean is known. Their weight is tuned, so that a

@@ -62,17 +62,6 @@ from uqpen.surrogates.field_surrogate import FieldSurrogate
 from uqpen.surrogates.fitted_surrogate import ClosedForms
 from uqpen.surrogates.fitting import CrossFit
 
-__all__ = [
-    "FEWEST_ON_A_SIDE",
-    "CorrectionEvidence",
-    "Indexed",
-    "OutputCorrection",
-    "correct_statistics",
-    "correction_evidence",
-    "is_index",
-    "narrower",
-]
-
 # Corrected estimates of one output, by the names of their statistics.
 
 # The beginning of their names, and their kind.

@@ -26,8 +26,6 @@ from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.surrogates.field_surrogate import FieldSurrogate
 from uqpen.surrogates.fitted_surrogate import FittedSurrogate
 
-__all__ = ["CorrectionRuns", "FoldFit", "missing_run_predictions"]
-
 
 @dataclass(frozen=True, eq=False)
 class CorrectionRuns:

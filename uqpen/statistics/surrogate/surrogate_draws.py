@@ -24,17 +24,6 @@ from uqpen.execution import Evaluator, evaluate
 from uqpen.statistics import texts
 from uqpen.surrogates.fitted_surrogate import ClosedForms, FittedSurrogate
 
-__all__ = [
-    "MOST_INPUTS_FOR_ALL_SETS",
-    "ConditionalDraws",
-    "ConditionalSample",
-    "PickFreezePairs",
-    "SurrogateDraws",
-    "VarianceShares",
-    "draw_pick_freeze_pairs",
-    "paired_outputs",
-]
-
 # Draws from a joint distribution, conditional on some inputs and on being admissible.
 
 # Number of redraws after which a draw that is still inadmissible is left out.

@@ -57,11 +57,6 @@ from uqpen.surrogates.chaos.expansion import input_shares
 from uqpen.surrogates.field_fit import FieldFit
 from uqpen.surrogates.field_surrogate import FieldSurrogate
 
-__all__ = [
-    "SurrogateStatistics",
-    "surrogate_statistics",
-]
-
 _SAMPLED = [*dict.fromkeys(each.group for each in CATALOGUE.values() if each.is_of_surrogates)]
 
 

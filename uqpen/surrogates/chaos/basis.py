@@ -19,16 +19,6 @@ from uqpen.surrogates.diagnostics import describe
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = [
-    "MOST_TERMS",
-    "NestedSums",
-    "ProductBasis",
-    "UnivariateBasis",
-    "multi_indices",
-    "nested_sums",
-    "univariate_basis",
-]
-
 # Univariate basis: polynomials that are orthonormal for the distribution of one input.
 #
 # They are functions of a standardised variable: the input itself or its logarithm, shifted and

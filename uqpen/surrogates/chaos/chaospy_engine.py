@@ -24,8 +24,6 @@ from uqpen.distributions.univariate import Beta, Gamma, Normal, Uniform
 from uqpen.surrogates.chaos.basis import ProductBasis, UnivariateBasis
 from uqpen.surrogates.chaos.term_selection import FitPoints, Terms
 
-__all__ = ["ChaospyExpansion", "input_problems"]
-
 # Family, parameters, location and scale of a standard form.
 _Form = tuple[str, tuple[float, ...], float, float]
 

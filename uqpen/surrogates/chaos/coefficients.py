@@ -9,16 +9,6 @@ import scipy
 
 from uqpen.core.arrays import FloatArray, IntArray
 
-__all__ = [
-    "FOLDS",
-    "RegressionFit",
-    "cross_validation",
-    "is_exact",
-    "least_squares",
-    "projection_coefficients",
-    "sparse_regression",
-]
-
 # Coefficients from runs: least squares on all terms, or on those that a sparse fit chooses.
 #
 # A sparse fit takes the terms one by one, always the one most correlated with what is left, and

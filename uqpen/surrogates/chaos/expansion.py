@@ -29,17 +29,6 @@ from uqpen.surrogates.training import TrainedSurrogate
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = [
-    "Expansion",
-    "FitNoise",
-    "PolynomialChaosModel",
-    "PredictionCheck",
-    "estimate_fit_noise",
-    "input_shares",
-    "mean",
-    "standard_deviation",
-]
-
 # Moments and sensitivity of an orthonormal expansion: sums of its squared coefficients.
 #
 # They are those of the expansion under independent inputs; how near they are to the model's is a

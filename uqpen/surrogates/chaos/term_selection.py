@@ -20,22 +20,6 @@ from uqpen.surrogates.chaos.coefficients import (
     sparse_regression,
 )
 
-__all__ = [
-    "HIGHEST_ORDER",
-    "TRUNCATIONS",
-    "FitPoints",
-    "Selection",
-    "Terms",
-    "chosen_terms",
-    "dependent_terms_problem",
-    "forward_selection",
-    "projection_terms",
-    "regression_terms",
-    "run_count_problem",
-    "size_problem",
-    "unseen_error",
-]
-
 # The highest order that is tried where none is given.
 HIGHEST_ORDER = 20
 # Orders are tried until this number of them in a row have been worse than the best one.
