@@ -35,22 +35,12 @@ _TICK_MARGIN, _SHORTEST = 0.08, 0.7
 
 @dataclass(frozen=True)
 class ValueAxis:
-    """Axis of the values of an output, in the unit that is shown.
+    """Axis of the values of an output, in the unit that is shown."""
 
-    Parameters
-    ----------
-    lower, upper : float
-        Its ends; both are above 0 if it is logarithmic.
-    is_cut : bool
-        True if it leaves a long tail out.
-    is_logarithmic : bool
-        True for the logarithm of the values.
-    """
-
-    lower: float
+    lower: float  # with upper: its ends; both are above 0 if it is logarithmic
     upper: float
-    is_cut: bool = False
-    is_logarithmic: bool = False
+    is_cut: bool = False  # true if it leaves a long tail out
+    is_logarithmic: bool = False  # true for the logarithm of the values
 
     @classmethod
     def of_values(

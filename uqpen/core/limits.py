@@ -68,17 +68,9 @@ def _read_size(written: object, context: object) -> int:
 
 @dataclass(frozen=True)
 class Limits:
-    """Resource limits of one run.
+    """Resource limits of one run."""
 
-    Parameters
-    ----------
-    seconds : float, optional
-        Time after which it is ended.
-    bytes : int, optional
-        Memory (address space, as that is what the system can limit).
-    """
-
-    seconds: float | None = time_limit()
+    seconds: float | None = time_limit()  # time after which it is ended
     bytes: int | None = setting(
         "size",
         'a size such as "2 GB" or "512 MiB", at least 1 MB',
@@ -86,7 +78,7 @@ class Limits:
         read=_read_size,
         default=None,
         key="memory_limit",
-    )
+    )  # memory (address space, as that is what the system can limit)
 
     def __post_init__(self) -> None:
         validate(self)

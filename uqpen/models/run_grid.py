@@ -30,20 +30,13 @@ class UnusableOutputError(Exception):
 
 @dataclass(frozen=True)
 class RunGrid:
-    """Grid on which every run has an output in its own way.
+    """Grid on which every run has an output in its own way."""
 
-    Parameters
-    ----------
-    names : mapping of str to str
-        By dimension of the output, the name under which a run returns its own coordinates.
-    units : mapping of str to str
-        By dimension, the unit in which it does; else the one in which the dimension is declared.
-    interpolation : str
-        One of `INTERPOLATIONS`, or `NO_INTERPOLATION`: the run's grid has to be the declared one.
-    """
-
+    # By dimension of the output, the name under which a run returns its own coordinates.
     names: Mapping[str, str]
+    # By dimension, the unit in which it does; else the one in which the dimension is declared.
     units: Mapping[str, str] = field(default_factory=dict)
+    # One of `INTERPOLATIONS`, or `NO_INTERPOLATION`: the run's grid has to be the declared one.
     interpolation: str = "linear"
 
     def interpolate(
@@ -180,18 +173,11 @@ NO_INTERPOLATION = "none"
 
 @dataclass(frozen=True)
 class FieldSources:
-    """Sources of the fields of a model, beside its runs.
+    """Sources of the fields of a model, beside its runs."""
 
-    Parameters
-    ----------
-    grids : mapping of str to RunGrid
-        By output, the grid on which every run has it.
-    files : tuple of FileSnapshot
-        The files with coordinates of dimensions.
-    """
-
+    # By output, the grid on which every run has it.
     grids: Mapping[str, RunGrid] = field(default_factory=dict)
-    files: tuple[FileSnapshot, ...] = ()
+    files: tuple[FileSnapshot, ...] = ()  # the files with coordinates of dimensions
 
 
 # Labelled arrays that a model returns, put into the declared order by their labels.

@@ -44,15 +44,9 @@ _OCCURS = "_occurs"
 
 @dataclass(frozen=True)
 class Occurrence(Reduction):
-    """Category of a run: whether another reduction finds a number in it.
+    """Category of a run: whether another reduction finds a number in it."""
 
-    Parameters
-    ----------
-    of : Reduction
-        The other one.
-    """
-
-    of: Reduction
+    of: Reduction  # the other one
 
     def unit(self, field: Output) -> str:
         return DIMENSIONLESS

@@ -134,14 +134,9 @@ def _trapezoid(values: FloatArray, coordinates: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class At(Reduction):
-    """Value at one place, linear between neighbouring coordinates.
+    """Value at one place, linear between neighbouring coordinates."""
 
-    Parameters
-    ----------
-    places : tuple of tuple
-        The name of each dimension of the field with a coordinate in its SI unit.
-    """
-
+    # The name of each dimension of the field with a coordinate in its SI unit.
     places: tuple[tuple[str, float], ...]
 
     def mistakes(self, field: Output) -> Iterator[tuple[str, str]]:

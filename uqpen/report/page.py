@@ -234,18 +234,10 @@ _SECTION = FunctionFamily(
 
 
 class UserDefinedSection(NamedTuple):
-    """User-defined section.
+    """User-defined section."""
 
-    Attributes
-    ----------
-    name : str
-        The name that links have.
-    function : UserDefinedFunction
-        Takes an `ArchiveView`, and yields blocks.
-    """
-
-    name: str
-    function: UserDefinedFunction
+    name: str  # the name that links have
+    function: UserDefinedFunction  # takes an `ArchiveView`, and yields blocks
 
     @property
     def section(self) -> ReportSection:

@@ -55,27 +55,13 @@ _PROBABILITIES = {
 
 
 class FailedRuns(NamedTuple):
-    """Runs that failed for one reason, or for many that differ in their numbers alone.
+    """Runs that failed for one reason, or for many that differ in their numbers alone."""
 
-    Attributes
-    ----------
-    status : Status
-        What became of the runs.
-    reason : str
-        With ``#`` for each number, where many reasons differ in their numbers alone.
-    runs : int
-        How many they are.
-    example : str
-        The reason of the first of them; empty where that is `reason`.
-    design : str
-        The only design that they are of; empty for several.
-    """
-
-    status: Status
-    reason: str
-    runs: int
-    example: str = ""
-    design: str = ""
+    status: Status  # what became of the runs
+    reason: str  # with ``#`` for each number, where many reasons differ in their numbers alone
+    runs: int  # how many they are
+    example: str = ""  # the reason of the first of them; empty where that is `reason`
+    design: str = ""  # the only design that they are of; empty for several
 
     @property
     def text(self) -> str:

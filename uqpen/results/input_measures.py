@@ -41,15 +41,9 @@ _ARBITRARY_ZERO = "no per cent, as the zero of {unit} is arbitrary"
 
 
 class VarianceTitles(NamedTuple):
-    """Titles, order and note of the indices of a model's inputs; dependent ones overlap.
+    """Titles, order and note of the indices of a model's inputs; dependent ones overlap."""
 
-    Attributes
-    ----------
-    is_dependent : bool
-        Whether the random inputs depend on each other.
-    """
-
-    is_dependent: bool
+    is_dependent: bool  # whether the random inputs depend on each other
 
     def title(self, of: str) -> str:
         """Return the title of indices of a variance, such as ``"its variance"``."""

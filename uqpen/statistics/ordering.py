@@ -18,18 +18,12 @@ Numbers = npt.NDArray[np.signedinteger[Any]]
 
 @dataclass(frozen=True, eq=False)
 class Ordering:
-    """Values in ascending order.
+    """Values in ascending order."""
 
-    Parameters
-    ----------
-    order : ndarray of int, shape (run,)
-        Numbers of the values, ascending; those of equal values ascend themselves.
-    is_above : ndarray of bool, shape (run,), optional
-        For each value in that order, True if it is above the one before, or the first of all. None
-        where no two values are equal.
-    """
-
+    # (run,): numbers of the values, ascending; those of equal values ascend themselves.
     order: Numbers
+    # (run,): for each value in that order, True if it is above the one before, or the first of all.
+    # None where no two values are equal.
     is_above: BoolArray | None = None
 
     @classmethod

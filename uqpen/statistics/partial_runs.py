@@ -21,18 +21,10 @@ _FEW = f"fewer than {_FEWEST} of its first runs are finished"
 
 
 class SampleSoFar(NamedTuple):
-    """First runs that are a sample as the whole design will be, or why there are none yet.
+    """First runs that are a sample as the whole design will be, or why there are none yet."""
 
-    Attributes
-    ----------
-    runs : Dataset or None
-        The runs; None where there is a reason.
-    reason : str
-        Empty where there are runs.
-    """
-
-    runs: xr.Dataset | None
-    reason: str = ""
+    runs: xr.Dataset | None  # the runs; None where there is a reason
+    reason: str = ""  # empty where there are runs
 
 
 def first_runs(finished: xr.Dataset) -> xr.Dataset:

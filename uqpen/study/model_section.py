@@ -432,18 +432,10 @@ def read_object(table: TableReader) -> Model | None:
 
 @dataclass(frozen=True, eq=False)
 class ModelsTogether(Model):
-    """The first model of a study with the inputs that only others take; it cannot be run.
+    """The first model of a study with the inputs that only others take; it cannot be run."""
 
-    Parameters
-    ----------
-    first : Model
-        It has all outputs of the study.
-    further_inputs : tuple of Input
-        Inputs of the others that the first does not have.
-    """
-
-    first: Model
-    further_inputs: tuple[Input, ...]
+    first: Model  # it has all outputs of the study
+    further_inputs: tuple[Input, ...]  # inputs of the others that the first does not have
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "inputs", (*self.first.inputs, *self.further_inputs))

@@ -35,29 +35,14 @@ Files = tuple[FileSnapshot, ...]
 
 
 class Kind(NamedTuple):
-    """Family that a user-defined class can belong to.
+    """Family that a user-defined class can belong to."""
 
-    Attributes
-    ----------
-    base : type
-        The class that it derives from.
-    family : mapping of str to str
-        The built-in members.
-    group : str
-        The entry points with which installed packages add members.
-    form : str
-        A reference, for a message.
-    can_lack_settings : bool
-        True if a class without settings need not be a dataclass.
-    given : tuple of str
-        Fields that are no settings: the reader of the family's table gives them.
-    """
-
-    base: type
-    family: Mapping[str, str]
-    group: str
-    form: str
-    can_lack_settings: bool = False
+    base: type  # the class that it derives from
+    family: Mapping[str, str]  # the built-in members
+    group: str  # the entry points with which installed packages add members
+    form: str  # A reference, for a message
+    can_lack_settings: bool = False  # true if a class without settings need not be a dataclass
+    # Fields that are no settings: the reader of the family's table gives them.
     given: tuple[str, ...] = ()
 
     @property

@@ -50,20 +50,11 @@ _LEAST_VARIANCE = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class NormalMixture:
-    """Mixture of normal distributions.
+    """Mixture of normal distributions."""
 
-    Parameters
-    ----------
-    shares : ndarray, shape (component,)
-        They add up to 1.
-    means : ndarray, shape (component, input)
-    factors : ndarray, shape (component, input, input)
-        Lower Cholesky factors of the covariances.
-    """
-
-    shares: FloatArray
-    means: FloatArray
-    factors: FloatArray
+    shares: FloatArray  # (component,): they add up to 1
+    means: FloatArray  # (component, input)
+    factors: FloatArray  # (component, input, input): lower Cholesky factors of the covariances
 
     @classmethod
     def around_origin(cls, deviation: float, dimension: int) -> NormalMixture:

@@ -162,19 +162,6 @@ class RefutationWarning(UserWarning):
 class ArchivedSurrogate:
     """Surrogate of an archive: a function of inputs with units.
 
-    Parameters
-    ----------
-    fitted : FittedSurrogate
-        Its predictions in SI units.
-    inputs : tuple of Input
-        The inputs that varied in the training runs, then those that had one value.
-    outputs : tuple of Output
-        Those that it predicts.
-    ranges : mapping of str to tuple of float
-        The smallest and the largest value of each input in the training runs, in SI units.
-    refuted : mapping of str to str
-        The outputs whose predictions runs refute, each with the reason.
-
     Examples
     --------
     >>> pce = uqpen.open_archive("archives/cantilever.nc").surrogate("pce")  # doctest: +SKIP
@@ -182,10 +169,13 @@ class ArchivedSurrogate:
     ... # doctest: +SKIP
     """
 
-    fitted: FittedSurrogate
+    fitted: FittedSurrogate  # its predictions in SI units
+    # The inputs that varied in the training runs, then those that had one value.
     inputs: tuple[Input, ...]
-    outputs: tuple[Output, ...]
+    outputs: tuple[Output, ...]  # those that it predicts
+    # The smallest and the largest value of each input in the training runs, in SI units.
     ranges: Mapping[str, tuple[float, float]]
+    # The outputs whose predictions runs refute, each with the reason.
     refuted: Mapping[str, str] = field(default_factory=dict)
 
     def __call__(self, **values: Any) -> xr.Dataset:

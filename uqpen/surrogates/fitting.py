@@ -115,21 +115,11 @@ _FEW = "{runs} training runs are too few for {folds} folds"
 
 @dataclass(frozen=True, eq=False)
 class CrossFit:
-    """Fits of a surrogate, each without one fold of its training runs.
+    """Fits of a surrogate, each without one fold of its training runs."""
 
-    Parameters
-    ----------
-    fold : ndarray of int, shape (run,)
-        The fold of each training run.
-    models : tuple of FittedSurrogate
-        By fold, the fit to the other ones; none with a reason.
-    reason : str
-        Reason why there are no folds; empty where there are.
-    """
-
-    fold: IntArray
-    models: tuple[FittedSurrogate, ...]
-    reason: str = ""
+    fold: IntArray  # (run,): the fold of each training run
+    models: tuple[FittedSurrogate, ...]  # by fold, the fit to the other ones; none with a reason
+    reason: str = ""  # reason why there are no folds; empty where there are
 
     @classmethod
     def without_folds(cls, runs: int, reason: str) -> CrossFit:

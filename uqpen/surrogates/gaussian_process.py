@@ -54,18 +54,10 @@ _COVERAGE, _HALF_WIDTH = 0.95, 1.959964
 
 @dataclass(frozen=True, eq=False)
 class LeftOutErrors:
-    """Errors at runs left out.
+    """Errors at runs left out."""
 
-    Parameters
-    ----------
-    errors : ndarray, shape (run,)
-        Of the prediction from the other runs.
-    deviations : ndarray, shape (run,)
-        Their standard deviations by the process.
-    """
-
-    errors: FloatArray
-    deviations: FloatArray
+    errors: FloatArray  # (run,): of the prediction from the other runs
+    deviations: FloatArray  # (run,): their standard deviations by the process
 
     @classmethod
     def of_runs(

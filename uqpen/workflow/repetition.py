@@ -30,21 +30,11 @@ TOLERANCE = 1e-9
 
 
 class Difference(NamedTuple):
-    """Difference in a group.
+    """Difference in a group."""
 
-    Attributes
-    ----------
-    what : str
-        The variable or attribute, and its difference in words.
-    relative : float
-        Size, relative to the largest value; infinite where it has no meaning.
-    is_new : bool
-        True if the archive lacks it.
-    """
-
-    what: str
-    relative: float
-    is_new: bool = False
+    what: str  # the variable or attribute, and its difference in words
+    relative: float  # size, relative to the largest value; infinite where it has no meaning
+    is_new: bool = False  # true if the archive lacks it
 
     def within(self, place: str) -> Difference:
         """Return the difference with the name of the place that it is in."""

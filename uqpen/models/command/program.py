@@ -49,21 +49,12 @@ class ProgramFile:
 
 @dataclass(frozen=True)
 class Program:
-    """Program that has been found, and the files that it needs.
+    """Program that has been found, and the files that it needs."""
 
-    Parameters
-    ----------
-    folder : Path
-        Folder of the study.
-    executed : ProgramFile
-        The executed file.
-    beside : tuple of ProgramFile
-        The study's own files among the program, the words of the command, the files copied into
-        the folder of each run, and the templates.
-    """
-
-    folder: Path
-    executed: ProgramFile
+    folder: Path  # folder of the study
+    executed: ProgramFile  # the executed file
+    # The study's own files among the program, the words of the command, the files copied into the
+    # folder of each run, and the templates.
     beside: tuple[ProgramFile, ...] = ()
 
     @property

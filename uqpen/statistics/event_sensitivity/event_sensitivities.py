@@ -52,20 +52,11 @@ class EventScores(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class ScoredInputs:
-    """The random inputs of a study, as far as their distributions can move.
+    """The random inputs of a study, as far as their distributions can move."""
 
-    Parameters
-    ----------
-    entries : tuple of RandomInput
-        The random inputs.
-    scores : dict of str to InputScores or None
-        By input; None where its mean cannot move by itself.
-    dependence : str
-        Reason why no input has sensitivities; empty where the inputs are independent.
-    """
-
-    entries: tuple[RandomInput, ...]
-    scores: dict[str, InputScores | None]
+    entries: tuple[RandomInput, ...]  # the random inputs
+    scores: dict[str, InputScores | None]  # by input; None where its mean cannot move by itself
+    # Reason why no input has sensitivities; empty where the inputs are independent.
     dependence: str = ""
 
     @classmethod

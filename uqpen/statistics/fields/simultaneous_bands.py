@@ -42,14 +42,9 @@ _MOST_STRETCHES = 4
 
 @dataclass(frozen=True, eq=False)
 class BandPlaces:
-    """The places of a field that a band covers.
+    """The places of a field that a band covers."""
 
-    Parameters
-    ----------
-    reasons : tuple of str
-        For each place of the field, flattened, why it is left out; empty where it is not.
-    """
-
+    # For each place of the field, flattened, why it is left out; empty where it is not.
     reasons: tuple[str, ...]
 
     def without(self, condition: BoolArray, reason: str) -> BandPlaces:

@@ -36,25 +36,18 @@ _FEWEST_EFFECTIVE_RUNS = 5
 
 @dataclass(frozen=True, eq=False)
 class BandShape:
-    """A family of bands around a median curve; a multiple of its distances gives one of them.
+    """A family of bands around a median curve; a multiple of its distances gives one of them."""
 
-    Parameters
-    ----------
-    median, below, above : ndarray, shape (place,)
-        The median curve, and the distances to the low and the high quantile; NaN where no run
-        reaches.
-    is_positive : bool
-        Whether the distance of a value y below a median m is m ln(m / y), and not m - y. Both are
-        equal near the median, but no multiple of the former leads to zero.
-    is_widest : ndarray of bool, shape (place,)
-        Whether few runs decide the spread at a place. Its distances are then the largest ones of
-        the field, but for those of the logarithm.
-    """
-
+    # With below, above: (place,): the median curve, and the distances to the low and the high
+    # quantile; NaN where no run reaches.
     median: FloatArray
     below: FloatArray
     above: FloatArray
+    # Whether the distance of a value y below a median m is m ln(m / y), and not m - y. Both are
+    # equal near the median, but no multiple of the former leads to zero.
     is_positive: bool
+    # (place,): whether few runs decide the spread at a place. Its distances are then the largest
+    # ones of the field, but for those of the logarithm.
     is_widest: BoolArray
 
     @classmethod

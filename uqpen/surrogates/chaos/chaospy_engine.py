@@ -73,18 +73,10 @@ class _Standard:
 
 @dataclass(frozen=True)
 class ChaospyExpansion:
-    """Expansion that chaospy builds and fits.
+    """Expansion that chaospy builds and fits."""
 
-    Parameters
-    ----------
-    names : tuple of str
-        The random inputs.
-    distributions : tuple
-        Their standard forms.
-    """
-
-    names: tuple[str, ...]
-    distributions: tuple[_Standard, ...]
+    names: tuple[str, ...]  # the random inputs
+    distributions: tuple[_Standard, ...]  # their standard forms
 
     @classmethod
     def from_distribution(cls, joint: JointDistribution, *, logarithms: bool) -> ChaospyExpansion:
