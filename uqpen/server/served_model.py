@@ -191,8 +191,6 @@ class HiddenModel:
 if sys.platform != "win32":
     import fcntl
 
-__all__ = ["RunBudget"]
-
 
 class RunBudget:
     """The runs of each model that clients may still ask for.
