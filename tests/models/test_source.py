@@ -76,10 +76,10 @@ class TestBuiltIn:
     @pytest.mark.parametrize(
         "line",
         [
-            "import uqpen.models.tsitouras",
-            "import uqpen.models.tsitouras as t",
+            "import uqpen.models.rod_kernel",
+            "import uqpen.models.rod_kernel as t",
             "from uqpen.models import rod_and_target, tsitouras",
-            "from uqpen.models.tsitouras import ERROR",
+            "from uqpen.models.rod_kernel import ERROR",
             "from . import tsitouras",
             "from .tsitouras import ERROR",
             "def late():\n    from uqpen.models import (\n        tsitouras,\n    )",

@@ -107,7 +107,7 @@ _OF_VALUES = [
             "sample": f"{_MOMENTS}:sample_moments",
             "part": f"{_MOMENTS}:mean_estimate",
             "field": f"{_PLACES}:moments_at_places",
-            Sampling.QUADRATURE: "uqpen.statistics.moments.quadrature_moments:quadrature_moments",
+            Sampling.QUADRATURE: "uqpen.statistics.moments.sample_moments:quadrature_moments",
             "corrected": f"{_RUNS_CORRECT}.mean",
             "stand_ins": f"{_STAND_INS}.mean",
         },
