@@ -229,7 +229,7 @@ _OF_VALUES = [
             is_compared=True,
         ),
         group=TAILS,
-        by={"sample": f"{_CDF}.expected_shortfall:expected_shortfalls"},
+        by={"sample": f"{_CDF}.quantiles:expected_shortfalls"},
         is_of_surrogates=True,
     ),
     Statistic(
@@ -414,7 +414,7 @@ _OF_VALUES = [
         own=_contents(BAND_CONTENT),
         shown=Shown("tolerance band, {entry}", 83, "tolerance_bands", "percent"),
         group="bands",
-        by={"field": f"{_FIELDS}.tolerance_band:tolerance_band"},
+        by={"field": f"{_FIELDS}.simultaneous_bands:tolerance_band"},
         takes_weights=True,
     ),
     Statistic(

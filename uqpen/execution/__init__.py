@@ -12,9 +12,9 @@ if TYPE_CHECKING:
     from uqpen.execution.evaluation import EvaluationOptions, evaluate, evaluate_blocks
     from uqpen.execution.evaluator import Evaluator
     from uqpen.execution.failures import FailurePolicy
+    from uqpen.execution.joined_rounds import join_rounds
     from uqpen.execution.runs import (
         common_runs,
-        join_rounds,
         replicate_count,
         run_count,
         status_counts,
@@ -108,9 +108,9 @@ _HOMES = {
     ),
     "uqpen.execution.evaluator": ("Evaluator",),
     "uqpen.execution.failures": ("FailurePolicy",),
+    "uqpen.execution.joined_rounds": ("join_rounds",),
     "uqpen.execution.runs": (
         "common_runs",
-        "join_rounds",
         "replicate_count",
         "run_count",
         "status_counts",
