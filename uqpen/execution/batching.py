@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Iterator
 
 from uqpen.core.arrays import BoolArray
+from uqpen.core.model import Model
 from uqpen.core.streams import BLOCK
 from uqpen.execution.batch import Batch
 from uqpen.execution.open_blocks import OpenBlocks
@@ -27,7 +28,7 @@ _MOST_AT_ONCE = 1024
 _WINDOW = 32
 
 
-def vectorized_batches(blocks: OpenBlocks, *, is_batch_independent: bool) -> Iterator[Batch]:
+def vectorized_batches(blocks: OpenBlocks, model: Model) -> Iterator[Batch]:
     """Yield batches for a model that takes many runs at a time, except those that are wholly done.
 
     A user's function may give other last bits in another batch. Its batches all have one size, so
@@ -40,16 +41,16 @@ def vectorized_batches(blocks: OpenBlocks, *, is_batch_independent: bool) -> Ite
     blocks : OpenBlocks
         The runs from its position on. Batches end early behind a block that is complete without
         any of them: it has to be taken before others are drawn.
-    is_batch_independent : bool
-        Whether a run is the same in any batch; batches are then as large as workers can share.
+    model : Model
+        Where a run is the same in any batch, batches are as large as workers can share.
     """
     size = BATCH_SIZE
-    if is_batch_independent:
+    if model.is_batch_independent:
         size = min(max(-(-blocks.size // _BATCHES), _SMALLEST), BLOCK)
     while blocks.position < blocks.size:
         stop = min(blocks.position + size, blocks.size)
         done = blocks.done(blocks.position, stop)
-        if is_batch_independent:
+        if model.is_batch_independent:
             stop = blocks.position + _stretch(done)
         if not done[: stop - blocks.position].all():
             yield blocks.start_batch(stop)

@@ -201,7 +201,7 @@ class _RunsUnderWay:
 def _batches(blocks: OpenBlocks, model: Model, pace: Pace) -> Iterator[Batch]:
     """Return batches of the runs that are not done."""
     if model.vectorized:
-        return vectorized_batches(blocks, is_batch_independent=model.is_batch_independent)
+        return vectorized_batches(blocks, model)
     return scalar_batches(blocks, pace)
 
 
