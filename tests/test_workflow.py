@@ -33,10 +33,10 @@ def bounds(array):
 
 
 @pytest.mark.slow
-def test_the_tables_of_the_readme_are_those_that_are_printed(concrete):
+def test_the_tables_of_the_page_are_those_that_are_printed(concrete):
     tables = {table.title: table for table in output_tables(concrete)}
-    readme = (STUDIES.parent / "README.md").read_text(encoding="utf-8")
-    shown = re.findall(r"```text\n(.*?)```", readme, flags=re.DOTALL)
+    page = (STUDIES.parent / "docs" / "concrete.md").read_text(encoding="utf-8")
+    shown = re.findall(r"```text\n(.*?)```", page, flags=re.DOTALL)
     assert len(shown) == 3
     for block in shown:
         table = tables[block.splitlines()[0]]

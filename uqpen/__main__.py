@@ -6,8 +6,6 @@ import gc
 import signal
 import sys
 
-__all__ = ["main"]
-
 _INTERRUPTED = 130
 
 # Exit codes above this one are of interrupts and of requests to terminate.

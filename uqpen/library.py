@@ -19,8 +19,6 @@ from uqpen.study.table_reader import OBJECT
 from uqpen.verification.check_result import CheckResult
 from uqpen.verification.verify import verify as verify_parts
 
-__all__ = ["make_archive", "run", "verify"]
-
 
 def run(
     study: ValidatedStudy,

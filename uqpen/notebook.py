@@ -12,8 +12,6 @@ from typing import Any
 from uqpen.core.progress import Progress, ProgressRecord
 from uqpen.results.texts import runs_text, step_text
 
-__all__ = ["NotebookProgress", "notebook_progress"]
-
 # Shortest time between two updates of the bar, in seconds: each is a message to the browser.
 _PERIOD = 0.2
 

@@ -39,23 +39,6 @@ from uqpen.core.labels import (
 )
 from uqpen.core.units import DIMENSIONLESS
 
-__all__ = [
-    "BOUND_COORDINATE",
-    "INTERVAL_TEXTS",
-    "UnpackedStatistics",
-    "array_entries",
-    "correction_names",
-    "estimate_array",
-    "has_interval_texts",
-    "interval_codes",
-    "interval_codes_name",
-    "interval_text",
-    "labelled_array",
-    "pack",
-    "statistic_names",
-    "unpack",
-]
-
 INTERVAL_TEXTS = (INTERVAL, INTERVAL_LABEL, NOTE)
 
 # Numbers beside a corrected estimate, and what they are.

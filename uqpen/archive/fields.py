@@ -9,8 +9,6 @@ import xarray as xr
 from uqpen.core.labels import RUN
 from uqpen.core.units import DIMENSIONLESS, scale
 
-__all__ = ["coordinate_text", "field_dimensions", "place_text"]
-
 
 def field_dimensions(variable: xr.DataArray | xr.Variable) -> tuple[str, ...]:
     """Return the dimensions of an output of runs besides ``run``; none for a scalar."""

@@ -51,22 +51,12 @@ _TEXT, _BASE64, _NONE = "utf-8", "base64", "none"
 
 @dataclass(frozen=True)
 class ArchivedFile:
-    """A file in an archive.
+    """A file in an archive."""
 
-    Parameters
-    ----------
-    name : str
-        As the study names it, with ``/`` between folders.
-    sha256, size
-        Of its bytes, as recorded.
-    content, encoding : str
-        Its bytes, as ``"utf-8"``, ``"base64"`` or ``"none"``.
-    """
-
-    name: str
-    sha256: str
+    name: str  # as the study names it, with ``/`` between folders
+    sha256: str  # with size: of its bytes, as recorded
     size: int
-    content: str
+    content: str  # with encoding: its bytes, as ``"utf-8"``, ``"base64"`` or ``"none"``
     encoding: str
 
     @property

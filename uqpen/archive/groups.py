@@ -31,66 +31,37 @@ from uqpen.core.statistic import Statistic
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = [
-    "DESIGN_GROUPS",
-    "GROUPS",
-    "Group",
-    "group_names",
-    "group_place",
-    "innermost_groups",
-    "is_benchmark",
-    "model_trees",
-    "read_group",
-]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Group:
     """Declaration of a group, by which it is written, checked, repeated, compared and shown.
 
     References are texts, so that whoever opens an archive loads neither estimators nor tables.
-
-    Parameters
-    ----------
-    levels : tuple of str
-        What the groups in it are named by, from outside to inside; none if it has variables itself.
-    is_of_model : bool
-        True if each model of an archive has one of its own.
-    statistics : mapping of str to Statistic
-        Records of the statistics in its innermost groups, by which their form is checked.
-    check : str
-        Reference to a function of the group. It yields faults that the records do not show, each
-        with the path below the group.
-    writer : str
-        Of statistics of a design's runs as a whole: reference to a function of the study and these
-        runs, which returns the statistics.
-    is_repeated : bool
-        False for what `uqpen verify` does not compute again from the archived runs.
-    is_along_fields : bool
-        True if its values lie along the dimensions of fields, and are shown at a place of them.
-    tables : str
-        Reference to a function of the tree that has the group, which yields its tables. Without
-        one, statistics of a design's runs as a whole are a table by their records.
-    json : str
-        Reference to a function of the statistics of a model and the name of a design, which returns
-        keys and values for the design. Without one, such statistics are JSON by their records.
-    rank : int
-        Place of its tables and of its rows in the long table.
-    title : str
-        Title of the table by its records.
     """
 
+    # What the groups in it are named by, from outside to inside; none if it has variables itself.
     levels: tuple[str, ...] = ()
-    is_of_model: bool = True
+    is_of_model: bool = True  # true if each model of an archive has one of its own
+    # Records of the statistics in its innermost groups, by which their form is checked.
     statistics: Mapping[str, Statistic] = field(default_factory=dict)
+    # Reference to a function of the group. It yields faults that the records do not show, each with
+    # the path below the group.
     check: str = ""
+    # Of statistics of a design's runs as a whole: reference to a function of the study and these
+    # runs, which returns the statistics.
     writer: str = ""
+    # False for what `uqpen verify` does not compute again from the archived runs.
     is_repeated: bool = True
+    # True if its values lie along the dimensions of fields, and are shown at a place of them.
     is_along_fields: bool = False
+    # Reference to a function of the tree that has the group, which yields its tables. Without one,
+    # statistics of a design's runs as a whole are a table by their records.
     tables: str = ""
+    # Reference to a function of the statistics of a model and the name of a design, which returns
+    # keys and values for the design. Without one, such statistics are JSON by their records.
     json: str = ""
-    rank: int = 99
-    title: str = ""
+    rank: int = 99  # place of its tables and of its rows in the long table
+    title: str = ""  # title of the table by its records
 
 
 # In the order in which they are written and checked.

@@ -26,8 +26,6 @@ from uqpen.core.arrays import raw_bytes
 from uqpen.core.files import open_file
 from uqpen.core.labels import CONTENT
 
-__all__ = ["append_checksum", "group_hashes", "hash_record", "is_broken", "recorded_hashes"]
-
 
 def group_hashes(tree: xr.DataTree) -> dict[str, str]:
     """Return the SHA-256 of every group, by its path.

@@ -27,19 +27,6 @@ from uqpen.core.streams import BLOCK
 if TYPE_CHECKING:
     import netCDF4
 
-__all__ = [
-    "FailureRecord",
-    "GrowingRuns",
-    "OpenFile",
-    "coded_texts",
-    "computed_variable",
-    "is_in_memory",
-    "joined_variable",
-    "lazy_dataset",
-    "value_blocks",
-]
-
-
 _Key = tuple[Any, ...]
 _Values = npt.NDArray[Any]
 

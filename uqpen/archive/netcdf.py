@@ -22,8 +22,6 @@ from uqpen.core.netcdf.opening import open_own
 if TYPE_CHECKING:
     import netCDF4
 
-__all__ = ["read_groups", "write_tree"]
-
 _COORDINATES = "coordinates"
 
 

@@ -16,15 +16,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = [
-    "CONVENTIONS",
-    "SCHEMA",
-    "SCHEMA_ATTRIBUTE",
-    "of_python_functions",
-    "provenance",
-    "provenance_differences",
-]
-
 CONVENTIONS = "CF-1.11"
 
 # The layout of the groups; raised whenever a reader has to know.

@@ -108,23 +108,6 @@ from uqpen.core.status import Status
 from uqpen.core.units import scale
 from uqpen.core.variables import MOST_DIMENSIONS
 
-__all__ = [
-    "find_attribute_faults",
-    "find_comparison_faults",
-    "find_dataset_faults",
-    "find_difference_faults",
-    "find_faults",
-    "find_field_faults",
-    "find_level_faults",
-    "find_model_faults",
-    "find_run_faults",
-    "find_source_faults",
-    "find_surrogate_faults",
-    "has_kind",
-    "reference_name",
-]
-
-
 _ROOT = ("title", "study_text", "study_sha256", "seed")
 # Python reads no number of more digits from a text.
 _SEED = re.compile(r"[0-9]{1,4300}\Z")

@@ -16,8 +16,6 @@ from uqpen.archive.netcdf import write_tree
 from uqpen.archive.read import is_archive
 from uqpen.core.errors import ArchiveError
 
-__all__ = ["prepare_destination", "write"]
-
 # Digits of a hash in the name of an archive that is kept.
 _DIGITS = 8
 

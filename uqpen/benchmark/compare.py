@@ -21,8 +21,6 @@ from uqpen.execution.checkpoint import Checkpoint
 from uqpen.study.study import ValidatedStudy
 from uqpen.workflow import root_attributes
 
-__all__ = ["BenchmarkProgress", "check_study", "compare"]
-
 # What to put beside a design that has nothing to be compared with.
 _SCALED_KINDS = ("monte-carlo", "latin-hypercube", "sobol-sequence", "halton")
 

@@ -46,24 +46,6 @@ from uqpen.surrogates.fitting import fit_surrogate
 from uqpen.surrogates.surrogate import Surrogate
 from uqpen.workflow import run_design
 
-__all__ = [
-    "BUDGETS",
-    "COMPARED_ANALYSES",
-    "FEWEST_REPEATS",
-    "REPEATS",
-    "BenchmarkMethod",
-    "BenchmarkRunner",
-    "BenchmarkSettings",
-    "BenchmarkStatistic",
-    "DesignMethod",
-    "Estimates",
-    "MethodCost",
-    "SurrogateMethod",
-    "benchmark_statistics",
-    "study_methods",
-]
-
-
 # Settings.
 
 # Powers of two are fair to all: at other numbers of runs, a Sobol' sequence loses its balance.
@@ -82,20 +64,12 @@ _EACH_VECTORIZED = 65_536
 
 @dataclass(frozen=True)
 class BenchmarkSettings:
-    """Settings of a benchmark, common to all methods.
+    """Settings of a benchmark, common to all methods."""
 
-    Parameters
-    ----------
-    budgets : tuple of int
-        Numbers of runs. They are sorted, and duplicates are removed.
-    repeats : int
-        Number of repeats of each method at each budget.
-    reference : int or None
-        Least number of runs of the reference; None for a number that depends on the model's speed.
-    """
-
+    # Numbers of runs. They are sorted, and duplicates are removed.
     budgets: tuple[int, ...] = BUDGETS
-    repeats: int = REPEATS
+    repeats: int = REPEATS  # number of repeats of each method at each budget
+    # Least number of runs of the reference; None for a number that depends on the model's speed.
     reference: int | None = None
 
     def __post_init__(self) -> None:
@@ -154,20 +128,11 @@ _SMALL = 0.01
 
 @dataclass(frozen=True)
 class BenchmarkStatistic:
-    """A statistic of an output, with one entry or several.
+    """A statistic of an output, with one entry or several."""
 
-    Parameters
-    ----------
-    quantity : QuantityOfInterest
-        The quantity of interest of its output.
-    name : str
-        Its name in the catalogue.
-    entries : tuple of float or str
-        The coordinates of its entries; ``("",)`` for a single entry.
-    """
-
-    quantity: QuantityOfInterest
-    name: str
+    quantity: QuantityOfInterest  # the quantity of interest of its output
+    name: str  # its name in the catalogue
+    # The coordinates of its entries; ``("",)`` for a single entry.
     entries: tuple[float | str, ...] = ("",)
 
     @property
@@ -302,40 +267,21 @@ _DEFAULT_CHECK = 0.2
 
 
 class MethodCost(NamedTuple):
-    """Cost of a method at a budget.
+    """Cost of a method at a budget."""
 
-    Attributes
-    ----------
-    runs : int
-        Number of runs, at most the budget; 0 where the budget is too small.
-    replicates : int
-        Number of replicates; 1 for a method without replicates.
-    """
-
-    runs: int
-    replicates: int
+    runs: int  # number of runs, at most the budget; 0 where the budget is too small
+    replicates: int  # number of replicates; 1 for a method without replicates
 
 
 @dataclass(frozen=True)
 class BenchmarkMethod(ABC):
-    """Method that makes estimates from a budget of runs.
+    """Method that makes estimates from a budget of runs."""
 
-    Parameters
-    ----------
-    source : str
-        The name of its design or surrogate in the study.
-    variants : tuple of str
-        The comparisons that it takes part in: `SINGLE`, `REPLICATED` or both.
-    design : Design
-        The design of its runs, as the study has it.
-    joint : JointDistribution
-        The study's inputs.
-    """
-
-    source: str
+    source: str  # the name of its design or surrogate in the study
+    # The comparisons that it takes part in: `SINGLE`, `REPLICATED` or both.
     variants: tuple[str, ...]
-    design: Design
-    joint: JointDistribution
+    design: Design  # the design of its runs, as the study has it
+    joint: JointDistribution  # the study's inputs
 
     @abstractmethod
     def cost(self, budget: int) -> MethodCost:

@@ -50,21 +50,6 @@ from uqpen.results.texts import join_names
 from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.intervals import student_quantile
 
-__all__ = [
-    "NO_VERDICT",
-    "Accuracy",
-    "ErrorRatio",
-    "EstimateRecord",
-    "Verdict",
-    "convergence_slope",
-    "error_ratio",
-    "find_verdict",
-    "reference_remark",
-    "root_mean_square_errors",
-    "verdict_sentence",
-]
-
-
 # Accuracy of methods: errors, rates, and which method leads.
 
 
@@ -80,25 +65,15 @@ _HEAVY_KURTOSIS = 6.0
 
 @dataclass(frozen=True)
 class Accuracy:
-    """Root mean square errors.
+    """Root mean square errors."""
 
-    Parameters
-    ----------
-    logarithm : ndarray
-        Natural logarithm of each; minus infinity where no repeat has an error, NaN where some
-        repeat has no estimate.
-    error : ndarray
-        Standard error of each logarithm; NaN where it cannot be estimated.
-    is_heavy : ndarray of bool
-        True where a few of the repeats dominate it, so that rarer ones may make it larger.
-    repeats : int
-        Number of repeats.
-    """
-
+    # Natural logarithm of each; minus infinity where no repeat has an error, NaN where some repeat
+    # has no estimate.
     logarithm: FloatArray
-    error: FloatArray
+    error: FloatArray  # standard error of each logarithm; NaN where it cannot be estimated
+    # True where a few of the repeats dominate it, so that rarer ones may make it larger.
     is_heavy: BoolArray
-    repeats: int
+    repeats: int  # number of repeats
 
     def __getitem__(self, at: Any) -> Accuracy:
         return Accuracy(self.logarithm[at], self.error[at], self.is_heavy[at], self.repeats)
@@ -219,26 +194,16 @@ NO_VERDICT = "no two methods have figures to compare"
 
 @dataclass(frozen=True)
 class Verdict:
-    """Verdict of one comparison of methods.
+    """Verdict of one comparison of methods."""
 
-    Parameters
-    ----------
-    winner, runner_up : str
-        The methods with the smallest errors.
-    lead : ErrorRatio
-        The lead of the winner over the runner-up.
-    level : tuple of str
-        The methods, the winner first, whose errors do not differ significantly from its own.
-    doubt : str
-        Reason why the lead may not be real; empty for none. A few bad scrambles dominate the mean
-        square error of scrambled points on a smooth function. So where a few repeats dominate, or
-        all errors are as small as the reference's own, rarer repeats may change the order.
-    """
-
-    winner: str
+    winner: str  # with runner_up: the methods with the smallest errors
     runner_up: str
-    lead: ErrorRatio
+    lead: ErrorRatio  # the lead of the winner over the runner-up
+    # The methods, the winner first, whose errors do not differ significantly from its own.
     level: tuple[str, ...]
+    # Reason why the lead may not be real; empty for none. A few bad scrambles dominate the mean
+    # square error of scrambled points on a smooth function. So where a few repeats dominate, or all
+    # errors are as small as the reference's own, rarer repeats may change the order.
     doubt: str = ""
 
 

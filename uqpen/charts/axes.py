@@ -14,18 +14,6 @@ from uqpen.core.units import DIMENSIONLESS
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import SUPERSCRIPTS, grouped_number
 
-__all__ = [
-    "CUT",
-    "ValueAxis",
-    "logarithmic_axis",
-    "logarithmic_ticks",
-    "output_axis",
-    "padded_limits",
-    "quantity",
-    "quantity_axis",
-]
-
-
 # Longest tail beyond 99 % of all values that an axis includes, relative to their range.
 _LONG = 0.35
 # Room at either end, and the powers of ten that numbers of double precision have.
@@ -47,22 +35,12 @@ _TICK_MARGIN, _SHORTEST = 0.08, 0.7
 
 @dataclass(frozen=True)
 class ValueAxis:
-    """Axis of the values of an output, in the unit that is shown.
+    """Axis of the values of an output, in the unit that is shown."""
 
-    Parameters
-    ----------
-    lower, upper : float
-        Its ends; both are above 0 if it is logarithmic.
-    is_cut : bool
-        True if it leaves a long tail out.
-    is_logarithmic : bool
-        True for the logarithm of the values.
-    """
-
-    lower: float
+    lower: float  # with upper: its ends; both are above 0 if it is logarithmic
     upper: float
-    is_cut: bool = False
-    is_logarithmic: bool = False
+    is_cut: bool = False  # true if it leaves a long tail out
+    is_logarithmic: bool = False  # true for the logarithm of the values
 
     @classmethod
     def of_values(

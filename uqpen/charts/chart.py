@@ -9,20 +9,6 @@ from typing import NamedTuple
 from uqpen.charts.marks import Mark, Numbers
 from uqpen.results.table import NOTHING, OutputTable
 
-__all__ = [
-    "Axis",
-    "Block",
-    "Chart",
-    "Charts",
-    "LegendKey",
-    "PlaceColumn",
-    "PlaceReadout",
-    "PlaceSlices",
-    "PlottedQuantity",
-    "RunsBeyondAxis",
-    "ThresholdReadout",
-]
-
 
 class Block:
     """A part of a section of a page, whose template sets it by the name of its class."""
@@ -67,25 +53,14 @@ class LegendKey:
 
 
 class RunsBeyondAxis(NamedTuple):
-    """Values of a distribution function beyond the ends of its axis.
+    """Values of a distribution function beyond the ends of its axis."""
 
-    Attributes
-    ----------
-    runs : int
-        Behind the function.
-    smallest, largest : float
-        Of these runs.
-    nothing : sequence of float or None
-        The bounds below the smallest run.
-    below, above : sequence
-        Values of some runs there, in ascending order up to the most extreme one, each followed by
-        the bounds at it.
-    """
-
-    runs: int
-    smallest: float
+    runs: int  # behind the function
+    smallest: float  # with largest: of these runs
     largest: float
-    nothing: Sequence[float | None]
+    nothing: Sequence[float | None]  # the bounds below the smallest run
+    # With above: values of some runs there, in ascending order up to the most extreme one, each
+    # followed by the bounds at it.
     below: Sequence[Sequence[float | None]]
     above: Sequence[Sequence[float | None]]
 
@@ -109,22 +84,12 @@ class ThresholdReadout:
 
 @dataclass(frozen=True)
 class PlaceColumn:
-    """A statistic at each of the places of a curve.
+    """A statistic at each of the places of a curve."""
 
-    Parameters
-    ----------
-    label, unit : str
-        What stands before and behind its estimates.
-    texts : sequence of str
-        The estimates; `NOTHING` where there is none.
-    reasons : dict
-        Why an estimate has no interval, by position of the place.
-    """
-
-    label: str
+    label: str  # with unit: what stands before and behind its estimates
     unit: str
-    texts: Sequence[str]
-    reasons: dict[int, str]
+    texts: Sequence[str]  # the estimates; `NOTHING` where there is none
+    reasons: dict[int, str]  # why an estimate has no interval, by position of the place
 
     def text(self, position: int) -> str:
         """Return the estimate at a place with its label; empty where there is none."""
@@ -137,28 +102,14 @@ class PlaceColumn:
 
 @dataclass(frozen=True)
 class PlaceReadout:
-    """A place along the axis of a chart that a reader moves, and the estimates there.
+    """A place along the axis of a chart that a reader moves, and the estimates there."""
 
-    Parameters
-    ----------
-    output, dimension : str
-        Their titles.
-    values : sequence of float
-        The coordinates, in the unit of the axis.
-    heads : sequence of str
-        The coordinates with their unit.
-    columns : sequence of PlaceColumn
-        The statistics there.
-    start : int
-        Position of the place that is shown first.
-    """
-
-    output: str
+    output: str  # with dimension: their titles
     dimension: str
-    values: Numbers
-    heads: Sequence[str]
-    columns: Sequence[PlaceColumn]
-    start: int
+    values: Numbers  # the coordinates, in the unit of the axis
+    heads: Sequence[str]  # the coordinates with their unit
+    columns: Sequence[PlaceColumn]  # the statistics there
+    start: int  # position of the place that is shown first
 
     def text(self, position: int) -> str:
         """Return the estimates at a place as a sentence; the page's script makes the same."""
@@ -168,21 +119,12 @@ class PlaceReadout:
 
 @dataclass(frozen=True)
 class PlaceSlices:
-    """Content of a chart at each of some places; the nearest one is shown.
+    """Content of a chart at each of some places; the nearest one is shown."""
 
-    Parameters
-    ----------
-    dimension : tuple of str
-        Name and unit of the dimension, as the axis of another chart has them.
-    values : sequence of float
-        The coordinates, in this unit.
-    marks : sequence
-        At each place, in place of each mark of the chart.
-    """
-
+    # Name and unit of the dimension, as the axis of another chart has them.
     dimension: tuple[str, str]
-    values: Sequence[float]
-    marks: Sequence[Sequence[Mark]]
+    values: Sequence[float]  # the coordinates, in this unit
+    marks: Sequence[Sequence[Mark]]  # at each place, in place of each mark of the chart
 
 
 @dataclass(frozen=True)

@@ -30,8 +30,6 @@ from uqpen.results.table import (
 )
 from uqpen.results.texts import capitalized, title_with_unit, unit_suffix
 
-__all__ = ["convergence_charts"]
-
 # Categories of an output that are drawn.
 _MOST_CATEGORIES = 3
 # Widths of the last interval that an axis goes to on either side; wider ones are cut off.

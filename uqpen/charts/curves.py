@@ -44,26 +44,6 @@ from uqpen.results.source_statistics import THRESHOLD_PROBABILITIES, best_source
 from uqpen.results.table import entry_label, first_runs, quantile_label
 from uqpen.results.texts import capitalized, join_names, plain_text, unit_suffix
 
-__all__ = [
-    "driver_areas",
-    "driver_charts",
-    "driver_lines",
-    "fan_chart",
-    "fan_charts",
-    "map_charts",
-    "measures_along",
-    "median_charts",
-    "model_curve_charts",
-    "moment_maps",
-    "ordered_curves",
-    "place_drivers",
-    "place_histogram",
-    "probability_charts",
-    "quantile_chart",
-    "ranked_chart",
-    "tolerance_chart",
-]
-
 # Dashes of lines in turn; the first is that of a median.
 _DASHES = ("solid", "dot", "dash", "dashdot", "longdash")
 _MEDIAN = 0.5

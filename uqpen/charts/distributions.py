@@ -34,23 +34,6 @@ from uqpen.results.digits import count_text, estimate_text, number_text, percent
 from uqpen.results.table import OutputTable, exceedance_label
 from uqpen.results.texts import capitalized, plain_text, unit_suffix
 
-__all__ = [
-    "Curve",
-    "LargestRun",
-    "SimultaneousBand",
-    "cdf_chart",
-    "cdf_charts",
-    "distribution_curves",
-    "empirical_cdf",
-    "exceedance_chart",
-    "exceedance_charts",
-    "exceedance_tail",
-    "model_chart",
-    "model_charts",
-    "overlaid_chart",
-    "scale_notes",
-]
-
 # Fewer distinct values than this are drawn as steps, all of them.
 _FEW_DISTINCT = 500
 # Points of a line through more values, of each spacing.
@@ -93,13 +76,6 @@ class SimultaneousBand:
     that of as many runs as there are of both. Requested probabilities allow for failed runs in the
     same way.
 
-    Parameters
-    ----------
-    half_width : float
-        Over the completed runs; NaN where no band is known.
-    missing_share : float
-        Share of the failed runs among the admissible ones, from 0 to below 1.
-
     Notes
     -----
     The two ends are functions of all n runs: with every failed run at plus infinity, and with every
@@ -108,7 +84,8 @@ class SimultaneousBand:
     falls with the root of n. So the band covers with at least its level.
     """
 
-    half_width: float
+    half_width: float  # over the completed runs; NaN where no band is known
+    # Share of the failed runs among the admissible ones, from 0 to below 1.
     missing_share: float = 0.0
 
     @classmethod
@@ -169,49 +146,23 @@ def empirical_cdf(outputs: FloatArray, values: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class Curve:
-    """A distribution function of an output by one source.
+    """A distribution function of an output by one source."""
 
-    Parameters
-    ----------
-    view : ArchiveView
-        The model of the source.
-    source, output : str
-        Their names.
-    name : str
-        What a legend calls it: the source, the model or the archive.
-    series : int
-        Its colour and dashes.
-    measure : Scale
-        Of the unit that is shown.
-    values : ndarray of shape (rank,)
-        In this unit.
-    band : ndarray of shape (rank, bound)
-        The function there, with its simultaneous bounds for any outcome of failed runs.
-    limits : SimultaneousBand
-        The band around any other share of the runs.
-    level : float
-        Of the band; NaN without one.
-    note : str
-        Reason why there is no band.
-    runs : int
-        Number of its runs.
-    is_stepped : bool
-        True if steps can be seen, as there are few distinct values.
-    """
-
-    view: ArchiveView
-    source: str
+    view: ArchiveView  # the model of the source
+    source: str  # with output: their names
     output: str
-    name: str
-    series: int
-    measure: Scale
-    values: FloatArray
+    name: str  # what a legend calls it: the source, the model or the archive
+    series: int  # its colour and dashes
+    measure: Scale  # of the unit that is shown
+    values: FloatArray  # (rank,): in this unit
+    # (rank, bound): the function there, with its simultaneous bounds for any outcome of failed
+    # runs.
     band: FloatArray
-    limits: SimultaneousBand
-    level: float
-    note: str
-    runs: int
-    is_stepped: bool
+    limits: SimultaneousBand  # the band around any other share of the runs
+    level: float  # of the band; NaN without one
+    note: str  # reason why there is no band
+    runs: int  # number of its runs
+    is_stepped: bool  # true if steps can be seen, as there are few distinct values
 
     @classmethod
     def of_source(
@@ -302,21 +253,11 @@ def distribution_curves(view: ArchiveView, output: str) -> list[Curve]:
 
 @dataclass(frozen=True)
 class LargestRun:
-    """The largest value of an output among the completed runs of a design.
+    """The largest value of an output among the completed runs of a design."""
 
-    Parameters
-    ----------
-    value : float
-        In the unit that is shown.
-    runs : int
-        Number of the completed runs.
-    unit : str
-        The text behind a number.
-    """
-
-    value: float
-    runs: int
-    unit: str
+    value: float  # in the unit that is shown
+    runs: int  # number of the completed runs
+    unit: str  # the text behind a number
 
     @classmethod
     def of_design(cls, view: ArchiveView, design: str, output: str) -> LargestRun:

@@ -25,14 +25,6 @@ from uqpen.results.digits import estimate_text, grouped_number, number_text, per
 from uqpen.results.input_measures import input_label
 from uqpen.results.table import OutputTable, identity
 
-__all__ = [
-    "failed_designs",
-    "failed_run_counts",
-    "failure_association_chart",
-    "failure_charts",
-    "failure_probability_chart",
-]
-
 # The statistics of the inputs of failed runs: names, labels, and places among colours and markers.
 # The places before are those of the statuses.
 _ASSOCIATIONS = (("larger", "larger", 5), ("further_out", "further out", 6))

@@ -22,8 +22,6 @@ from uqpen.results.surrogate_tables import is_corrected
 from uqpen.results.table import OutputTable, quantile_label
 from uqpen.results.texts import capitalized, unit_suffix
 
-__all__ = ["histogram", "histogram_charts", "shares"]
-
 # Dashes of the lines at marked estimates, and in turn of those at other quantiles.
 _DASHES = {"mean": "dash", "median": "solid"}
 _OTHER_DASHES = ("dot", "dashdot", "2px,5px", "longdash")

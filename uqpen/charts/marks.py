@@ -21,34 +21,6 @@ from uqpen.core.labels import INTERVAL_LEVEL
 from uqpen.results.digits import percent_text
 from uqpen.results.texts import capitalized, plain_text
 
-__all__ = [
-    "CROSS",
-    "DASHES",
-    "END",
-    "HOLLOW",
-    "MARKERS",
-    "Band",
-    "Bars",
-    "Colour",
-    "Dots",
-    "HeatMap",
-    "Line",
-    "Mark",
-    "Numbers",
-    "Points",
-    "Rule",
-    "Shade",
-    "all_bounded",
-    "end_of_line",
-    "escape_text",
-    "has_interval",
-    "hollow_note",
-    "interval_notes",
-    "key_marker",
-    "series_dash",
-    "series_marker",
-]
-
 Colour = int | str
 Numbers = Sequence[float] | FloatArray | IntArray
 
@@ -137,128 +109,59 @@ class Band:
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """Points by themselves.
+    """Points by themselves."""
 
-    Parameters
-    ----------
-    x, y : array_like
-        Their places.
-    series : int or str
-        Their colour.
-    hover : str
-        As of a `Line`.
-    name : str
-        As of a `Line`.
-    texts : sequence of str
-        As of a `Line`.
-    numbers : sequence of int
-        Values of the placeholder ``customdata``, such as the place of a run among all.
-    marker : str or sequence of str
-        Of `MARKERS`, or with ``-open`` behind it; for all points, or of each.
-    size : float or sequence of float
-        In CSS pixels.
-    opacity : float
-        By default that of one of many runs.
-    outline : float or sequence of float, optional
-        Width of the markers' outline.
-    """
-
-    x: Numbers
+    x: Numbers  # with y: their places
     y: Numbers
-    series: Colour
-    hover: str = ""
-    name: str = ""
-    texts: Sequence[str] = ()
+    series: Colour  # their colour
+    hover: str = ""  # as of a `Line`
+    name: str = ""  # as of a `Line`
+    texts: Sequence[str] = ()  # as of a `Line`
+    # Values of the placeholder ``customdata``, such as the place of a run among all.
     numbers: Sequence[int] = ()
+    # Of `MARKERS`, or with ``-open`` behind it; for all points, or of each.
     marker: str | Sequence[str] = "circle"
-    size: float | Sequence[float] = 4
-    opacity: float = 0.55
-    outline: float | Sequence[float] | None = None
+    size: float | Sequence[float] = 4  # in CSS pixels
+    opacity: float = 0.55  # by default that of one of many runs
+    outline: float | Sequence[float] | None = None  # width of the markers' outline
 
 
 @dataclass(frozen=True, eq=False)
 class Dots:
-    """Estimates with their intervals; hollow where there is none.
+    """Estimates with their intervals; hollow where there is none."""
 
-    Parameters
-    ----------
-    bounds : ndarray of shape (estimate, bound)
-        Estimate, lower, upper; NaN for a bound that is none.
-    places : array_like of float
-        Along the other axis.
-    series : int or str
-        Their colour.
-    hovers : sequence of str
-        Plain texts under a pointer, one for each.
-    name : str
-        As of a `Line`.
-    marker : str
-        Of `MARKERS`.
-    along : str
-        Which axis the estimates lie along.
-    is_joined : bool
-        Whether a line goes through them.
-    hover : str
-        Template that has `hovers` as ``text`` and `labels` as ``customdata``, if there is one.
-    labels : sequence of str
-        Plain texts, one for each.
-    """
-
-    bounds: FloatArray
-    places: Numbers
-    series: Colour
-    hovers: Sequence[str] = ()
-    name: str = ""
-    marker: str = "circle"
-    along: str = "x"
-    is_joined: bool = False
+    bounds: FloatArray  # (estimate, bound): estimate, lower, upper; NaN for a bound that is none
+    places: Numbers  # along the other axis
+    series: Colour  # their colour
+    hovers: Sequence[str] = ()  # plain texts under a pointer, one for each
+    name: str = ""  # as of a `Line`
+    marker: str = "circle"  # of `MARKERS`
+    along: str = "x"  # which axis the estimates lie along
+    is_joined: bool = False  # whether a line goes through them
+    # Template that has `hovers` as ``text`` and `labels` as ``customdata``, if there is one.
     hover: str = ""
-    labels: Sequence[str] = ()
+    labels: Sequence[str] = ()  # plain texts, one for each
 
 
 @dataclass(frozen=True, eq=False)
 class Bars:
-    """Counts between edges.
+    """Counts between edges."""
 
-    Parameters
-    ----------
-    edges : array_like
-        One more than counts.
-    counts : array_like
-        Their heights.
-    series : int or str
-        Their colour.
-    hover : str
-        As of a `Line`.
-    is_even : bool
-        Whether all bins have the width of the first.
-    """
-
-    edges: Numbers
-    counts: Numbers
-    series: Colour
-    hover: str
-    is_even: bool = False
+    edges: Numbers  # one more than counts
+    counts: Numbers  # their heights
+    series: Colour  # their colour
+    hover: str  # as of a `Line`
+    is_even: bool = False  # whether all bins have the width of the first
 
 
 @dataclass(frozen=True, eq=False)
 class HeatMap:
-    """Estimates at places along two dimensions, as colours.
+    """Estimates at places along two dimensions, as colours."""
 
-    Parameters
-    ----------
-    x, y : ndarray
-        The places, in ascending order.
-    bounds : ndarray of shape (y, x, bound)
-        Estimate, lower, upper.
-    unit : str
-        Text behind an estimate.
-    """
-
-    x: FloatArray
+    x: FloatArray  # with y: the places, in ascending order
     y: FloatArray
-    bounds: FloatArray
-    unit: str
+    bounds: FloatArray  # (y, x, bound): estimate, lower, upper
+    unit: str  # text behind an estimate
 
     @property
     def limits(self) -> tuple[float, float]:
@@ -278,33 +181,16 @@ class HeatMap:
 
 @dataclass(frozen=True)
 class Rule:
-    """A straight line across a whole chart, behind the other marks.
+    """A straight line across a whole chart, behind the other marks."""
 
-    Parameters
-    ----------
-    at : float
-        Where it crosses an axis.
-    series : int or str
-        Its colour.
-    dash : str
-        Of `DASHES`.
-    is_horizontal : bool
-        Whether it is a thin one from the left to the right, and not one from the foot to the top.
-    label : str
-        A plain text along an upright line.
-    at_foot : bool
-        Whether that stands at the foot.
-    is_before : bool
-        Whether it stands on the left of the line.
-    """
-
-    at: float
-    series: Colour
-    dash: str = "solid"
+    at: float  # where it crosses an axis
+    series: Colour  # its colour
+    dash: str = "solid"  # of `DASHES`
+    # Whether it is a thin one from the left to the right, and not one from the foot to the top.
     is_horizontal: bool = False
-    label: str = ""
-    at_foot: bool = False
-    is_before: bool = False
+    label: str = ""  # A plain text along an upright line
+    at_foot: bool = False  # whether that stands at the foot
+    is_before: bool = False  # whether it stands on the left of the line
 
 
 @dataclass(frozen=True)

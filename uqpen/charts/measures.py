@@ -44,17 +44,6 @@ from uqpen.results.table import (
 )
 from uqpen.results.texts import capitalized, title_with_unit, unit_suffix
 
-__all__ = [
-    "MeasureSeries",
-    "category_charts",
-    "category_series",
-    "effect_charts",
-    "index_charts",
-    "response_charts",
-    "responses",
-    "sensitivity_charts",
-]
-
 # Inputs of a chart: those with the largest estimates of all.
 _MOST_INPUTS = 15
 # Categories of an output with a chart of their own.

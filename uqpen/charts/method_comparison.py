@@ -31,19 +31,6 @@ from uqpen.results.method_comparison import (
 from uqpen.results.table import NOTHING, OutputTable
 from uqpen.results.texts import capitalized, unit_suffix
 
-__all__ = [
-    "SLOPE_NOTE",
-    "coverage_charts",
-    "coverage_note",
-    "error_chart",
-    "error_charts",
-    "error_keys",
-    "method_keys",
-    "of_coverage",
-    "of_slopes",
-    "slope_charts",
-]
-
 _GUIDE = "1/√runs"
 _FEW_DECIDE = "no interval, as few of the repeats decide this error"
 _HOLLOW = "Hollow: no interval, as few of the repeats decide the error."

@@ -31,13 +31,6 @@ from uqpen.results.input_measures import input_label, input_order
 from uqpen.results.table import NOTHING, OutputTable, identity
 from uqpen.results.texts import capitalized, plain_text, title_with_unit, unit_suffix
 
-__all__ = [
-    "PlottedRuns",
-    "scatter_charts",
-    "scatter_output_charts",
-    "thin_runs",
-]
-
 # Charts of a model at the most.
 _MOST_CHARTS = 24
 # Runs in a chart at the most, and failed ones besides.

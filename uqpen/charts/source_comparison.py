@@ -44,17 +44,6 @@ from uqpen.results.table import (
 )
 from uqpen.results.texts import title_with_unit, unit_suffix
 
-__all__ = [
-    "ComparedStatistic",
-    "available_statistics",
-    "compared_sources",
-    "compared_statistics",
-    "comparison_charts",
-    "interval_cost_charts",
-    "main_statistics",
-    "source_charts",
-]
-
 # Rows of a chart, and what is around them, in CSS pixels.
 _ROW, _FRAME = 22, 66
 # Probabilities of one output among its main statistics.
@@ -75,23 +64,12 @@ def source_charts(view: ArchiveView) -> Iterator[Charts]:
 
 
 class ComparedStatistic(NamedTuple):
-    """A single statistic of an output, and its estimates by all sources.
-
-    Attributes
-    ----------
-    statistic : Statistic
-    label : str
-        Its name in tables.
-    convert : callable
-        From SI to the unit that it is shown in.
-    estimates : mapping of str to DataArray
-        By source; along ``bound``.
-    """
+    """A single statistic of an output, and its estimates by all sources."""
 
     statistic: Statistic
-    label: str
-    convert: Conversion
-    estimates: Mapping[str, xr.DataArray]
+    label: str  # its name in tables
+    convert: Conversion  # from SI to the unit that it is shown in
+    estimates: Mapping[str, xr.DataArray]  # by source; along ``bound``
 
     @property
     def has_unit(self) -> bool:

@@ -14,8 +14,6 @@ from uqpen.results.archive_view import ArchiveView
 from uqpen.results.source_statistics import THRESHOLD_PROBABILITIES
 from uqpen.results.texts import plain_text, typeset_quantity
 
-__all__ = ["LimitMarks", "StudyLimit", "limit_marks", "output_span", "study_limits"]
-
 # Widths of an axis by which it is made longer, at the most, for a limit.
 _FAR = 1.5
 # The part of a narrow chart that an upright text takes.
@@ -25,23 +23,12 @@ _DECIDED, _ASKED = "dash", "dot"
 
 
 class StudyLimit(NamedTuple):
-    """Limit of a study on an output: a value whose probability it asks for.
+    """Limit of a study on an output: a value whose probability it asks for."""
 
-    Attributes
-    ----------
-    text : str
-        As the study writes it, with its unit typeset.
-    value : float
-        In the unit that is shown.
-    in_si : float
-        In the output's SI unit.
-    acceptance : Acceptance or None
-        The probabilities that the study accepts, and the verdict; None where it accepts any.
-    """
-
-    text: str
-    value: float
-    in_si: float
+    text: str  # as the study writes it, with its unit typeset
+    value: float  # in the unit that is shown
+    in_si: float  # in the output's SI unit
+    # The probabilities that the study accepts, and the verdict; None where it accepts any.
     acceptance: Acceptance | None
 
     @property
@@ -110,21 +97,11 @@ def output_span(
 
 
 class LimitMarks(NamedTuple):
-    """Limits of the study on an output, as a chart shows them.
+    """Limits of the study on an output, as a chart shows them."""
 
-    Attributes
-    ----------
-    rules : sequence of Rule
-        Lines at those on the axis, the one that a verdict is about first.
-    keys : sequence of LegendKey
-        Their texts.
-    notes : sequence of str
-        On those beyond the axis.
-    """
-
-    rules: Sequence[Rule] = ()
-    keys: Sequence[LegendKey] = ()
-    notes: Sequence[str] = ()
+    rules: Sequence[Rule] = ()  # lines at those on the axis, the one that a verdict is about first
+    keys: Sequence[LegendKey] = ()  # their texts
+    notes: Sequence[str] = ()  # on those beyond the axis
 
     @property
     def values(self) -> list[float]:

@@ -25,8 +25,6 @@ from uqpen.results.texts import title_with_unit, unit_suffix
 from uqpen.surrogates.archived_surrogate import is_restorable, restore_surrogate
 from uqpen.surrogates.diagnostics import quality_text
 
-__all__ = ["prediction_charts", "surrogate_charts"]
-
 # Runs in a chart, and runs in the table of differences, at the most.
 _MOST_RUNS, _MOST_COMPARED = 400, 100_000
 # Runs that are shown besides: those with the largest differences.

@@ -23,16 +23,6 @@ from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import number_text
 from uqpen.results.texts import capitalized, title_with_unit, unit_suffix
 
-__all__ = [
-    "axial_velocity",
-    "find_trajectories",
-    "quantity_name",
-    "readable_unit",
-    "shown_values",
-    "trajectory_charts",
-    "velocity_profile_chart",
-]
-
 # Quantities of one unit share a chart unless one is this much smaller than the other.
 _ALIKE = 8.0
 # Smaller units, for values below a fiftieth of the larger unit.

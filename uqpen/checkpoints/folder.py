@@ -57,8 +57,6 @@ from uqpen.execution.checkpoint import Checkpoint
 from uqpen.study.identity import model_identity
 from uqpen.study.study import ONLY_MODEL, ValidatedStudy
 
-__all__ = ["FAILED", "CheckpointFolder", "keep_runs", "lock_archive"]
-
 # Run fingerprint of each design, by model and design.
 Fingerprints = Mapping[tuple[str, str], Mapping[str, str]]
 

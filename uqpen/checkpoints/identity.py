@@ -24,20 +24,6 @@ from uqpen.execution import status_counts
 from uqpen.models.dependencies import current_sha256
 from uqpen.study.identity import ModelIdentity, StudyIdentity, model_tables
 
-__all__ = [
-    "Change",
-    "ModelComparison",
-    "compare_models",
-    "compared_names",
-    "encode_fingerprint",
-    "fingerprint_changes",
-    "has_missing_runs",
-    "is_unchanged",
-    "list_changes",
-    "read_fingerprint",
-    "was_record_of",
-]
-
 _SOURCE, _VERSION = "source_sha256", "version"
 
 _CHECKSUM = "checksum"
@@ -52,26 +38,14 @@ _HASHED = ("file ", "module ", "environment variable ")
 
 
 class ModelComparison(NamedTuple):
-    """Comparison of the model of an archive with that of a study.
+    """Comparison of the model of an archive with that of a study."""
 
-    Attributes
-    ----------
-    changes : tuple of str
-        What has changed, in words; empty if both would make the same runs.
-    dependencies : frozenset of str
-        What the archive's runs depend on besides their inputs, as in `Results.files`.
-    is_same_limit : bool
-        True if both have the same limit on the time of a run.
-    is_same_domain : bool
-        True if both studies have the same constraints.
-    made_with : tuple of str
-        What the archive's runs were made with, where that is not as it is here, in words.
-    """
-
-    changes: tuple[str, ...]
+    changes: tuple[str, ...]  # what has changed, in words; empty if both would make the same runs
+    # What the archive's runs depend on besides their inputs, as in `Results.files`.
     dependencies: frozenset[str] = frozenset()
-    is_same_limit: bool = True
-    is_same_domain: bool = True
+    is_same_limit: bool = True  # true if both have the same limit on the time of a run
+    is_same_domain: bool = True  # true if both studies have the same constraints
+    # What the archive's runs were made with, where that is not as it is here, in words.
     made_with: tuple[str, ...] = ()
 
 

@@ -21,8 +21,6 @@ from uqpen.core.errors import ArchiveError
 from uqpen.core.progress import ProgressBroadcast
 from uqpen.execution import Progress
 
-__all__ = ["Journal", "are_costly", "run_seconds", "seconds_at_last_pace"]
-
 # Most different warnings that are logged; a model may issue another one at each run.
 _MOST_WARNINGS = 100
 

@@ -55,40 +55,21 @@ from uqpen.study.table_reader import TableReader
 from uqpen.surrogates.refinement import RefinedDesign
 from uqpen.workflow import Checkpoints, run
 
-__all__ = [
-    "ResumeOptions",
-    "lacks_runs",
-    "make_archive",
-    "runs_not_kept",
-    "unusable_runs",
-]
-
 
 @dataclass(frozen=True)
 class ResumeOptions:
-    """Use of the runs that earlier calls have finished.
+    """Use of the runs that earlier calls have finished."""
 
-    Parameters
-    ----------
-    fresh : bool
-        Whether all checkpointed runs are removed, and all runs made.
-    repeat_failed : bool
-        Whether the missing ones among the finished runs are made again.
-    read_again : bool
-        Whether the outputs of runs whose folders are kept are read from these, without a run. If
-        finished runs have no folder, this needs `fresh`.
-    recheck : bool or None
-        Whether some of the finished runs are made again before all are taken; None for all but
-        costly ones.
-    reuse : sequence of str or Path, or None
-        Further archives whose runs may be taken; None for no archive, not even the one that is
-        replaced.
-    """
-
-    fresh: bool = False
-    repeat_failed: bool = False
+    fresh: bool = False  # whether all checkpointed runs are removed, and all runs made
+    repeat_failed: bool = False  # whether the missing ones among the finished runs are made again
+    # Whether the outputs of runs whose folders are kept are read from these, without a run. If
+    # finished runs have no folder, this needs `fresh`.
     read_again: bool = False
+    # Whether some of the finished runs are made again before all are taken; None for all but costly
+    # ones.
     recheck: bool | None = None
+    # Further archives whose runs may be taken; None for no archive, not even the one that is
+    # replaced.
     reuse: Sequence[str | Path] | None = ()
 
     @property

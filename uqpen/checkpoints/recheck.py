@@ -60,16 +60,6 @@ from uqpen.workflow.repetition import (
     unequal,
 )
 
-__all__ = [
-    "ChosenRuns",
-    "Recheck",
-    "RecheckOutcome",
-    "choose_runs",
-    "is_as_made",
-    "order_runs",
-    "runs_that_are_as_made",
-]
-
 # As many runs are made again as take so long, in seconds.
 _AT_MOST = 1.0
 
@@ -100,18 +90,10 @@ _SOME = 8192
 
 
 class RecheckOutcome(NamedTuple):
-    """Outcome of making runs again.
+    """Outcome of making runs again."""
 
-    Attributes
-    ----------
-    is_refused : bool
-        True if none of the runs may be taken.
-    is_unchecked : bool
-        True if none was made again, and they may be taken nevertheless.
-    """
-
-    is_refused: bool = False
-    is_unchecked: bool = False
+    is_refused: bool = False  # true if none of the runs may be taken
+    is_unchecked: bool = False  # true if none was made again, and they may be taken nevertheless
 
 
 class Recheck:
@@ -552,30 +534,15 @@ def _count(sources: Sequence[RunSource]) -> int:
 
 
 class ChosenRuns(NamedTuple):
-    """Finished runs that are made again, in this order.
+    """Finished runs that are made again, in this order."""
 
-    Attributes
-    ----------
-    runs : FinishedRuns
-        The runs.
-    status : Status
-        The runs with this status are compared.
-    is_batch : bool
-        True if they have to be made together.
-    is_whole : bool
-        True if they are known to have been made as they will be now, in the same batch.
-    designs : tuple of str
-        The designs that they are of.
-    total : int
-        The number of runs from which they are chosen.
-    """
-
-    runs: FinishedRuns
-    status: Status
-    is_batch: bool
+    runs: FinishedRuns  # the runs
+    status: Status  # the runs with this status are compared
+    is_batch: bool  # true if they have to be made together
+    # True if they are known to have been made as they will be now, in the same batch.
     is_whole: bool
-    designs: tuple[str, ...]
-    total: int
+    designs: tuple[str, ...]  # the designs that they are of
+    total: int  # the number of runs from which they are chosen
 
 
 def choose_runs(

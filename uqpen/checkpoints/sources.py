@@ -56,26 +56,6 @@ from uqpen.execution.omitted_runs import are_omitted
 from uqpen.study.identity import StudyIdentity, depends_on_batch
 from uqpen.study.study import ValidatedStudy
 
-__all__ = [
-    "BY_MACHINE",
-    "SET_ASIDE",
-    "ArchivePlace",
-    "BatchIndex",
-    "IndexedRuns",
-    "Place",
-    "PointIndex",
-    "RunFinder",
-    "RunSource",
-    "archived_sources",
-    "by_inputs",
-    "first_points",
-    "input_columns",
-    "open_archives",
-    "shown_path",
-    "sources_of_archives",
-    "unused_designs",
-]
-
 # Folder, beside those of designs, of finished runs that belong to none: they are found by their
 # inputs alone. Settings of their design have changed since, or they were made to try a model.
 SET_ASIDE = "set_aside"
@@ -85,18 +65,10 @@ _NEVERTHELESS = "take them nevertheless with --no-recheck"
 
 @dataclass(frozen=True)
 class Place:
-    """Place of finished runs: a folder beside the archive that is made.
+    """Place of finished runs: a folder beside the archive that is made."""
 
-    Attributes
-    ----------
-    name : str
-        Its path, for display.
-    log : Path
-        The log of the making of its runs.
-    """
-
-    name: str
-    log: Path
+    name: str  # its path, for display
+    log: Path  # the log of the making of its runs
 
     @property
     def are_needed(self) -> bool:
@@ -111,27 +83,14 @@ class Place:
 
 @dataclass(frozen=True)
 class ArchivePlace(Place):
-    """Archive of an earlier study, as a place of finished runs.
+    """Archive of an earlier study, as a place of finished runs."""
 
-    Attributes
-    ----------
-    tree : DataTree
-        Its content.
-    is_named : bool
-        True if the user has named it.
-    comparisons : mapping of str to mapping of str to ModelComparison
-        Its models by name, compared with those of the study; by the name of the study's model.
-    changed_designs : frozenset of str
-        Names of the designs that its study has with other settings.
-    made_with : str
-        What it was made with, in words.
-    """
-
-    tree: xr.DataTree
-    is_named: bool
+    tree: xr.DataTree  # its content
+    is_named: bool  # true if the user has named it
+    # Its models by name, compared with those of the study; by the name of the study's model.
     comparisons: Mapping[str, Mapping[str, ModelComparison]]
-    changed_designs: frozenset[str]
-    made_with: str
+    changed_designs: frozenset[str]  # names of the designs that its study has with other settings
+    made_with: str  # what it was made with, in words
 
     @property
     def are_needed(self) -> bool:
@@ -147,33 +106,16 @@ class ArchivePlace(Place):
 
 @dataclass(frozen=True)
 class RunSource:
-    """Finished runs of a model in one round of a design.
+    """Finished runs of a model in one round of a design."""
 
-    Parameters
-    ----------
-    place : str
-        Where they are kept, for display.
-    runs : FinishedRuns
-        The runs, with their numbers in the round, ascending and each once.
-    is_complete : bool
-        True if they are all runs of the round.
-    made_with : tuple of str
-        What they were made with, where that is not as it is here, in words.
-    folder : Path, optional
-        Their folder, if they are in no archive.
-    changed_design : str
-        Name of their design, if the study has it with other settings.
-    design : str
-        Name of their design; empty if they have none.
-    """
-
-    place: str
-    runs: FinishedRuns
-    is_complete: bool
+    place: str  # where they are kept, for display
+    runs: FinishedRuns  # the runs, with their numbers in the round, ascending and each once
+    is_complete: bool  # true if they are all runs of the round
+    # What they were made with, where that is not as it is here, in words.
     made_with: tuple[str, ...] = ()
-    folder: Path | None = None
-    changed_design: str = ""
-    design: str = ""
+    folder: Path | None = None  # their folder, if they are in no archive
+    changed_design: str = ""  # name of their design, if the study has it with other settings
+    design: str = ""  # name of their design; empty if they have none
 
     def without_statuses(self, statuses: Collection[Status]) -> RunSource | None:
         """Return it without the runs of some statuses; None if no other is left."""

@@ -26,30 +26,6 @@ from uqpen.core.model import Results
 from uqpen.core.status import Status
 from uqpen.execution.batch import BatchResult, join_results
 
-__all__ = [
-    "MADE_OF",
-    "BlockStore",
-    "DamagedRunsError",
-    "FinishedRuns",
-    "GrowingPart",
-    "block_files",
-    "block_stores",
-    "covered_count",
-    "has_runs",
-    "part_files",
-    "part_number",
-    "part_path",
-    "read_runs",
-    "remove",
-    "remove_checkpoint",
-    "remove_empty",
-    "remove_temporary",
-    "select_results",
-    "whole_blocks",
-    "write_file",
-    "write_runs",
-]
-
 # Record of what the runs in a folder were made with.
 MADE_OF = "made_of.json"
 

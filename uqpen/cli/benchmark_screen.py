@@ -30,8 +30,6 @@ from uqpen.results.method_comparison import (
 )
 from uqpen.results.texts import duration_text
 
-__all__ = ["show_benchmark", "show_progress"]
-
 # Where there is no bar, a line tells how far it is when the last is so old, in seconds.
 _BETWEEN_LINES = 10.0
 

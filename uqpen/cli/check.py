@@ -14,8 +14,6 @@ from uqpen.cli.options import PATH
 if TYPE_CHECKING:
     from uqpen.study.study import ValidatedStudy
 
-__all__ = ["check"]
-
 
 @click.command(short_help="Check a study file and show what it would run.")
 @click.argument("file", type=PATH)

@@ -21,16 +21,6 @@ if TYPE_CHECKING:
     from uqpen.verification.check_result import CheckResult
     from uqpen.verification.diff import DiffSection
 
-__all__ = [
-    "plain_table",
-    "show_check",
-    "show_line",
-    "show_plain_tables",
-    "show_section",
-    "show_table",
-    "standard_output",
-]
-
 _GAP = 3
 
 # As SIMPLE_HEAD. In its place rich would take a box with other gaps, so rules would not fit.

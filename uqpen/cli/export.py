@@ -16,8 +16,6 @@ from uqpen.results import TABLE_FORMATS
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["alternatives", "export", "format_options", "table_format", "write_table"]
-
 # A table written to a file or to standard output, in the format that is named.
 
 

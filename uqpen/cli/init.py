@@ -10,9 +10,6 @@ import click
 
 from uqpen.cli.options import PATH
 
-__all__ = ["init"]
-
-
 # Endings of data files. Another file may be the template of a program.
 _DATA = (".csv", ".tsv", ".txt", ".dat", ".nc", ".parquet")
 

@@ -16,8 +16,6 @@ from uqpen.core.interrupts import interrupt_exit_code, record_interrupts
 from uqpen.core.lookup import nearest, resolve
 from uqpen.core.output_streams import lasting_streams, stream_error
 
-__all__ = ["COMPLETION", "completion", "main", "uqpen"]
-
 _NAMES = (
     "init study check plan show export report figure compare rehearse verify diff rerun models run "
     "predict serve completion"

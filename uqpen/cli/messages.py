@@ -16,17 +16,6 @@ from typing import TextIO
 
 import click
 
-__all__ = [
-    "SPELLED_OUT",
-    "ExitCode",
-    "loading",
-    "printable",
-    "printable_json",
-    "screen_text",
-    "show_message",
-    "wrapped_message",
-]
-
 # Text made fit for a terminal: without commands to it, and in the characters that it has.
 
 # The name of an error handler for streams: a character that the encoding lacks becomes others.

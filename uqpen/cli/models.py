@@ -11,8 +11,6 @@ import click
 if TYPE_CHECKING:
     from uqpen.core.model import Model, Output, Variable
 
-__all__ = ["models"]
-
 
 @click.command(short_help="List the models, or describe one.")
 @click.argument("name", required=False)

@@ -19,20 +19,6 @@ if TYPE_CHECKING:
     from uqpen.execution import Map
     from uqpen.study.study import ValidatedStudy
 
-__all__ = [
-    "EXAMPLE",
-    "PATH",
-    "ExecutorOptions",
-    "executor_option",
-    "folder_option",
-    "is_quiet",
-    "output_option",
-    "quiet_option",
-    "read_precision",
-    "resume_options",
-    "trust_option",
-]
-
 PATH = click.Path(path_type=Path)
 
 

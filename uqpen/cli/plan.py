@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from uqpen.statistics.running_estimates import RequiredRuns
     from uqpen.study.study import ValidatedStudy
 
-__all__ = ["plan"]
-
 _REMARK = (
     "Numbers of independent runs (monte-carlo), extrapolated from the pilot, and the time of the "
     "runs alone, made as they were here. A latin-hypercube or sobol-sequence may take far fewer "

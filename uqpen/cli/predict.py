@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from uqpen.core.columns import Column
     from uqpen.surrogates.archived_surrogate import ArchivedSurrogate
 
-__all__ = ["open_surrogate", "predict", "split_surrogate"]
-
 # A surrogate of an archive as an argument: ``ARCHIVE:NAME``.
 
 

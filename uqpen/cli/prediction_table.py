@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from uqpen.core.model import Dimension, Output
     from uqpen.surrogates.archived_surrogate import ArchivedSurrogate
 
-__all__ = ["prediction_parts"]
-
 _POINT = "point"
 
 

@@ -21,8 +21,6 @@ from uqpen.core.progress import Progress, ProgressRecord, StudyProgress
 from uqpen.results.digits import grouped_number
 from uqpen.results.texts import duration_text, runs_text, step_text
 
-__all__ = ["progress_lines", "show_progress", "show_step"]
-
 # Warnings that are shown; the log beside an archive holds more.
 _MOST_WARNINGS = 5
 

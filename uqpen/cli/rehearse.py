@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 
     from uqpen.rehearsal.rehearse import SufficientRuns
 
-__all__ = ["rehearse"]
-
 
 @click.command(short_help="Repeat a study on its surrogate: do its intervals hold?")
 @click.argument("study", type=PATH)

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
     Inputs = Mapping[str, float]
 
-__all__ = ["run", "show_trial_runs"]
-
 
 @click.command(short_help="Run a model once and show its outputs.")
 @click.argument("model")

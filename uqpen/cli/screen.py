@@ -16,8 +16,6 @@ from uqpen.results.field_tables import curve_tables, derived_lines, field_tables
 from uqpen.results.output_tables import output_tables
 from uqpen.results.table import headed_models
 
-__all__ = ["show_tables"]
-
 # Reasons of lost runs that are shown; an archive holds them all.
 _MOST_REASONS = 10
 

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from uqpen.distributions.constraints import Constraint
     from uqpen.server import HiddenModel, ModelServer, RunBudget, ServedModel
 
-__all__ = ["hidden_offers", "make_offers", "serve"]
-
 
 @click.command(short_help="Offer a model to any UM-Bridge client.")
 @click.argument("model")

@@ -12,8 +12,6 @@ import click
 from uqpen.cli.messages import loading, printable, printable_json, show_message
 from uqpen.cli.options import PATH
 
-__all__ = ["announce_report", "figure", "report", "show", "write_and_announce"]
-
 # Tables, or the same as JSON.
 
 

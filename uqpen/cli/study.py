@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from uqpen.core.progress import Progress
     from uqpen.study.study import ValidatedStudy
 
-__all__ = ["make_and_show", "study"]
-
 
 class _StudyCommand(click.Command):
     """Command whose option ``--watch`` may be followed by a port, or by another argument."""

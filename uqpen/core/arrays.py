@@ -11,18 +11,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-__all__ = [
-    "Arrays",
-    "BoolArray",
-    "FloatArray",
-    "IntArray",
-    "evenly_spread",
-    "floats",
-    "is_finite_number",
-    "raw_bytes",
-    "rows_by_weight",
-]
-
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 IntArray = npt.NDArray[np.int64]

@@ -18,15 +18,6 @@ from uqpen.core.streams import BLOCK
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = [
-    "BlockedDataset",
-    "BlockedRuns",
-    "LoadedDataset",
-    "block_ranges",
-    "is_true_by_blocks",
-    "join_blocks",
-]
-
 _AlongRun = npt.NDArray[Any]
 
 

@@ -69,31 +69,6 @@ from uqpen.core.statistic import (
     of_field,
 )
 
-__all__ = [
-    "BENCHMARK_STATISTICS",
-    "CATALOGUE",
-    "COMPARISON_DIMENSIONS",
-    "COMPARISON_STATISTICS",
-    "DIMENSIONS",
-    "FAILURE_STATISTICS",
-    "INTERVAL_RECIPE",
-    "JOINT_STATISTICS",
-    "MEAN",
-    "MEASURES",
-    "METHOD_STATISTICS",
-    "MODEL_FORM_STATISTICS",
-    "NAMES_IN_USE",
-    "QUANTILE",
-    "REQUESTED",
-    "REQUESTED_DIMENSIONS",
-    "STD",
-    "TABLE_COLUMNS",
-    "UNLISTED_DIMENSIONS",
-    "comparison_statistics",
-    "method_statistics",
-]
-
-
 # Where the functions that estimate statistics stand.
 _CDF = "uqpen.statistics.distribution_function"
 _MOMENTS = "uqpen.statistics.moments.sample_moments"

@@ -26,9 +26,6 @@ from uqpen.core.netcdf.opening import (
 )
 from uqpen.core.units import DIMENSIONLESS, NUMBER, are_convertible, describe, scale
 
-__all__ = ["Column", "ColumnFile", "columns_of_table", "heading_parts", "read_columns"]
-
-
 _NUMBER = re.compile(NUMBER)
 
 # No heading and no number comes near these numbers of characters.
@@ -40,21 +37,12 @@ _ROWS = 65_536
 
 @dataclass(frozen=True)
 class Column:
-    """Column of a file, with its content at the time the file was read.
+    """Column of a file, with its content at the time the file was read."""
 
-    Parameters
-    ----------
-    name : str
-        Its heading, without the unit.
-    unit : str
-        Its unit, as written in the file.
-    load : callable
-        Returns its entries as numbers in that unit; TableError, with the line, for any other
-        entry. An unused column is not loaded, so it may contain anything.
-    """
-
-    name: str
-    unit: str
+    name: str  # its heading, without the unit
+    unit: str  # its unit, as written in the file
+    # Returns its entries as numbers in that unit; TableError, with the line, for any other entry.
+    # An unused column is not loaded, so it may contain anything.
     load: Callable[[], FloatArray]
 
     @property

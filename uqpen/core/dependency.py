@@ -10,21 +10,6 @@ from typing import NamedTuple
 
 from uqpen.core.files import LARGEST
 
-__all__ = [
-    "CHANGED",
-    "CONNECTION",
-    "ENVIRONMENT",
-    "IMPORTED",
-    "LIBRARY",
-    "MODULE",
-    "OBSERVED",
-    "OPENED",
-    "PROGRAM",
-    "Dependency",
-    "file_sha256",
-    "value_sha256",
-]
-
 # Files in the folder of the study, or beside it, by their path from there.
 IMPORTED, OPENED, LIBRARY = "imported", "opened", "library"
 
@@ -52,21 +37,13 @@ _UNCOMPARED = {
 
 
 class Dependency(NamedTuple):
-    """Dependency of a model's runs.
+    """Dependency of a model's runs."""
 
-    Parameters
-    ----------
-    role : str
-        One of the roles of this module.
-    name : str
-        A path from the study's folder, or the name of a module, variable, program or host. Empty
-        for the whole environment.
-    sha256 : str
-        Hash of the file, or of the value of the variable; empty if it is known by its name alone.
-    """
-
-    role: str
+    role: str  # one of the roles of this module
+    # A path from the study's folder, or the name of a module, variable, program or host. Empty for
+    # the whole environment.
     name: str
+    # Hash of the file, or of the value of the variable; empty if it is known by its name alone.
     sha256: str = ""
 
     @classmethod

@@ -31,30 +31,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import date, time
 
-__all__ = [
-    "ArchiveError",
-    "CheckpointError",
-    "ClusterError",
-    "ConstraintError",
-    "ExportError",
-    "FigureError",
-    "FirstRunsFailedError",
-    "ModelError",
-    "Problem",
-    "QuantityError",
-    "ReportError",
-    "SettingsError",
-    "StudyError",
-    "TableError",
-    "TooManyFailedError",
-    "TrajectoryError",
-    "UnknownNameError",
-    "UqpenError",
-    "WorkerError",
-    "is_huge",
-    "toml_text",
-]
-
 # Python converts integers of up to 4 300 digits to decimal ones, as that takes the square of their
 # number in time; these bits are some 4 200 digits. TOML's hexadecimal integers have no limit.
 _HUGE = 14_000

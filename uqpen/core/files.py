@@ -12,17 +12,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
-__all__ = [
-    "LARGEST",
-    "FileSnapshot",
-    "NotAFileError",
-    "is_file",
-    "is_folder",
-    "open_file",
-    "read_file",
-    "replace_file",
-]
-
 # An archive keeps only the hash of a larger file. Sources and measurements are far smaller, and
 # the user of a larger table has it elsewhere as well.
 LARGEST = 2**20

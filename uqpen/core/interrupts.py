@@ -9,14 +9,6 @@ import threading
 from collections.abc import Iterator
 from types import FrameType
 
-__all__ = [
-    "exit_at_interrupt",
-    "ignore_termination",
-    "interrupt_exit_code",
-    "is_user_interrupt",
-    "record_interrupts",
-]
-
 _EXIT_CODE = 130
 
 # Signals by which a scheduler, a service or a closed terminal ends a program.

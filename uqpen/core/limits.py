@@ -10,8 +10,6 @@ from uqpen.core.errors import QuantityError, toml_text
 from uqpen.core.quantities import parse_quantity
 from uqpen.core.settings import setting, validate
 
-__all__ = ["MOST_REPLICATES", "MOST_RUNS", "RUNS_IN_MEMORY", "Limits", "time_limit"]
-
 # Runs of a design that goes by blocks. A model of a microsecond needs twelve days for them.
 MOST_RUNS = 10**12
 
@@ -70,17 +68,9 @@ def _read_size(written: object, context: object) -> int:
 
 @dataclass(frozen=True)
 class Limits:
-    """Resource limits of one run.
+    """Resource limits of one run."""
 
-    Parameters
-    ----------
-    seconds : float, optional
-        Time after which it is ended.
-    bytes : int, optional
-        Memory (address space, as that is what the system can limit).
-    """
-
-    seconds: float | None = time_limit()
+    seconds: float | None = time_limit()  # time after which it is ended
     bytes: int | None = setting(
         "size",
         'a size such as "2 GB" or "512 MiB", at least 1 MB',
@@ -88,7 +78,7 @@ class Limits:
         read=_read_size,
         default=None,
         key="memory_limit",
-    )
+    )  # memory (address space, as that is what the system can limit)
 
     def __post_init__(self) -> None:
         validate(self)

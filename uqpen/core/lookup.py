@@ -17,19 +17,6 @@ from typing import Any
 
 from uqpen.core.errors import ModelError, UnknownNameError
 
-__all__ = [
-    "choices",
-    "class_version",
-    "family_name",
-    "installed_members",
-    "installed_packages",
-    "load_installed",
-    "nearest",
-    "package_version",
-    "resolve",
-    "resolve_name",
-]
-
 # Fewest characters of a part of a name that stands for the name.
 _SHORTEST_PART = 3
 

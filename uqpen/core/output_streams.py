@@ -16,8 +16,6 @@ from typing import TYPE_CHECKING, TextIO
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
 
-__all__ = ["lasting_streams", "stream_error"]
-
 
 class _LastingFile(io.FileIO):
     """File that goes nowhere from the first write that fails."""

@@ -11,16 +11,6 @@ from typing import Any, TypeVar
 
 from uqpen.core.errors import Problem, SettingsError
 
-__all__ = [
-    "MOST_THREADS",
-    "map_parts",
-    "one_blas_thread",
-    "processors",
-    "thread_count",
-    "use_one_thread",
-]
-
-
 Part = TypeVar("Part")
 
 # The environment variable that limits the threads.

@@ -13,8 +13,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["Progress", "ProgressBroadcast", "ProgressRecord", "StudyProgress"]
-
 
 class Progress:
     """Receiver of progress reports of a study; this base class ignores them."""
@@ -108,41 +106,25 @@ _SAMPLES, _BETWEEN_SAMPLES = 60, 0.5
 
 @dataclass(frozen=True)
 class StudyProgress:
-    """Progress of a study at the moment of its last report.
+    """Progress of a study at the moment of its last report."""
 
-    Parameters
-    ----------
-    step : str
-        The step under way, in words; empty while runs are made.
-    step_number, steps : int
-        Its number among the steps of the analysis, and their total; 0 for other steps.
-    design : str
-        The design whose runs are made.
-    design_number, designs : int
-        Its number among the designs, and their total; 0 where that is not known.
-    runs : int
-        Approximate number of runs of all designs.
-    done, restored, failed, in_progress : int
-        The finished runs of all designs, those of them that were made before, those that are
-        missing, and the runs under way.
-    runs_per_second : float or None
-        Rate of the last runs; None if it is not known yet.
-    began : float
-        Time of the start of the step or the design, by the clock of the record, in seconds.
-    """
-
-    step: str = ""
+    step: str = ""  # the step under way, in words; empty while runs are made
+    # With steps: its number among the steps of the analysis, and their total; 0 for other steps.
     step_number: int = 0
     steps: int = 0
-    design: str = ""
+    design: str = ""  # the design whose runs are made
+    # With designs: its number among the designs, and their total; 0 where that is not known.
     design_number: int = 0
     designs: int = 0
-    runs: int = 0
+    runs: int = 0  # approximate number of runs of all designs
+    # With restored, failed, in_progress: the finished runs of all designs, those of them that were
+    # made before, those that are missing, and the runs under way.
     done: int = 0
     restored: int = 0
     failed: int = 0
     in_progress: int = 0
-    runs_per_second: float | None = None
+    runs_per_second: float | None = None  # rate of the last runs; None if it is not known yet
+    # Time of the start of the step or the design, by the clock of the record, in seconds.
     began: float = 0.0
 
     @property

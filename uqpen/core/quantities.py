@@ -22,8 +22,6 @@ from uqpen.core.units import (
     si_unit,
 )
 
-__all__ = ["Quantity", "Spread", "parse_any_dimension", "parse_quantity", "parse_spread"]
-
 _NUMBER = re.compile(NUMBER)
 # The minus of typesetting, as uqpen shows numbers itself, beside the one of the keyboard.
 _MINUS = "\N{MINUS SIGN}"

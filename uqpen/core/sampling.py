@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from enum import StrEnum
 
-__all__ = ["Sampling"]
-
 
 class Sampling(StrEnum):
     """Relation between the points of a design; it determines the error bars."""

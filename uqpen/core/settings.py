@@ -19,40 +19,6 @@ from uqpen.core.labels import NAME
 from uqpen.core.quantities import parse_any_dimension, parse_quantity
 from uqpen.core.units import DIMENSIONLESS
 
-__all__ = [
-    "NUMBERS",
-    "QUANTITY_LIST",
-    "SETTING",
-    "Context",
-    "Setting",
-    "as_float",
-    "choice",
-    "choices",
-    "convert_quantities",
-    "count",
-    "declared_settings",
-    "difference",
-    "file",
-    "flag",
-    "limit",
-    "name",
-    "number",
-    "numbers",
-    "periods",
-    "probabilities",
-    "quantities",
-    "quantity",
-    "quantity_list",
-    "read_each",
-    "read_list",
-    "setting",
-    "share",
-    "text",
-    "validate",
-    "written_settings",
-]
-
-
 # Key of the declaration in the metadata of a field.
 SETTING = "uqpen.setting"
 
@@ -76,28 +42,15 @@ class Context(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Setting:
-    """Accepted values of a field, and how a study file gives them.
+    """Accepted values of a field, and how a study file gives them."""
 
-    Parameters
-    ----------
-    kind : str
-        The kind of its values, such as ``"quantity"``.
-    expected : str
-        The accepted values in words, for a message.
-    accepts : callable
-        Whether a value is accepted.
-    read : callable
-        Converts a value of a study file in its `Context`; raises a SettingsError or a
-        QuantityError where `expected` does not say enough.
-    key : str
-        The key in a study file, if it is not the name of the field.
-    """
-
-    kind: str
-    expected: str
-    accepts: Callable[[Any], bool]
+    kind: str  # the kind of its values, such as ``"quantity"``
+    expected: str  # the accepted values in words, for a message
+    accepts: Callable[[Any], bool]  # whether a value is accepted
+    # Converts a value of a study file in its `Context`; raises a SettingsError or a QuantityError
+    # where `expected` does not say enough.
     read: Callable[[Any, Context], Any]
-    key: str = ""
+    key: str = ""  # the key in a study file, if it is not the name of the field
 
     @property
     def has_dimension(self) -> bool:

@@ -9,20 +9,6 @@ from typing import Any
 
 from uqpen.core.labels import RANK
 
-__all__ = [
-    "RECORD",
-    "RECORD_NUMBERS",
-    "RECORD_WORDS",
-    "EntryDimension",
-    "Measure",
-    "Request",
-    "Shown",
-    "Statistic",
-    "UnitRule",
-    "derived",
-    "of_field",
-]
-
 # The record of a user-defined statistic in attributes of its variable: the beginning of their
 # names, and the fields of `Shown` that they keep.
 RECORD = "shown_"
@@ -32,55 +18,31 @@ RECORD_NUMBERS = ("row", "rank", "is_compared")
 
 @dataclass(frozen=True)
 class EntryDimension:
-    """Dimension that the entries of a statistic lie along, such as the levels of its quantiles.
+    """Dimension that the entries of a statistic lie along, such as the levels of its quantiles."""
 
-    Parameters
-    ----------
-    name : str
-        Its name in an archive. No field can lie along a dimension of this name.
-    kind : str
-        Kind of its labels: ``"number"``, ``"count"`` or ``"text"``.
-    companions : mapping of str to str
-        Further coordinates along it, with their kinds.
-    optional : mapping of str to str
-        Those that exist only where a study asks for them.
-    is_listed : bool
-        False for one that tables and lists leave out, unless it is asked for.
-    """
-
+    # Its name in an archive. No field can lie along a dimension of this name.
     name: str
-    kind: str = "number"
+    kind: str = "number"  # kind of its labels: ``"number"``, ``"count"`` or ``"text"``
+    # Further coordinates along it, with their kinds.
     companions: Mapping[str, str] = field(default_factory=dict)
+    # Those that exist only where a study asks for them.
     optional: Mapping[str, str] = field(default_factory=dict)
-    is_listed: bool = True
+    is_listed: bool = True  # false for one that tables and lists leave out, unless it is asked for
 
 
 @dataclass(frozen=True)
 class Request:
-    """Request for the entries of a statistic, in a table ``[outputs.<name>]``.
+    """Request for the entries of a statistic, in a table ``[outputs.<name>]``."""
 
-    Parameters
-    ----------
-    key : str
-        Its key in the study file, and its argument in Python.
-    summary : str
-        An entry in the summary of a study, with ``{entry}`` for the number; empty where that has
-        words of its own.
-    field : str
-        Field of the quantity of interest, if that has another name than the key.
-    declared_by : str
-        Reference to the declaration of the field. Without one it is written out there.
-    always : tuple of float
-        Entries that every study has.
-    refusal : str
-        What an output with dimensions has none of; empty where it has the statistic.
-    """
-
-    key: str = ""
+    key: str = ""  # its key in the study file, and its argument in Python
+    # An entry in the summary of a study, with ``{entry}`` for the number; empty where that has
+    # words of its own.
     summary: str = ""
-    field: str = ""
+    field: str = ""  # field of the quantity of interest, if that has another name than the key
+    # Reference to the declaration of the field. Without one it is written out there.
     declared_by: str = ""
-    always: tuple[float, ...] = ()
+    always: tuple[float, ...] = ()  # entries that every study has
+    # What an output with dimensions has none of; empty where it has the statistic.
     refusal: str = ""
 
     @property
@@ -143,49 +105,29 @@ class Shown:
 
 @dataclass(frozen=True)
 class Measure:
-    """Place and words of a measure of the inputs' part in an output or in an event.
+    """Place and words of a measure of the inputs' part in an output or in an event."""
 
-    Parameters
-    ----------
-    label : str
-        Its name in a table or a chart.
-    table : str
-        Name of the table that it is a column of.
-    rank : int
-        Its place among all measures. The first one that an archive has orders the inputs, of those
-        with a `reason`.
-    marker : str
-        Shape of its dots in a chart; empty for one that stands in tables alone.
-    share : str
-        Of a part of a variance: that of an input ``"alone"``, the ``"total"`` with its
-        interactions, or the one by which a variance is ``"divided"`` also where inputs depend on
-        each other.
-    reason : str
-        Words for an order of the inputs by it; empty where it orders none.
-    sentence : str
-        Sentence on the first of that order, with ``{input}``, ``{output}`` and ``{estimate}``; a
-        share has sentences of its own.
-    chart : str
-        Title of a chart of its magnitudes by itself; empty for one that shares a chart with others.
-    axis : str
-        Label of the axis of its chart; a share has one that depends on the inputs.
-    relative_to : tuple of str
-        ``"output"`` and ``"input"``, where it is in per cent of their values.
-    json : str
-        Key in JSON of one that lies along more than the inputs. It stands there under the name of
-        the statistic that it follows from.
-    """
-
-    label: str = ""
-    table: str = ""
+    label: str = ""  # its name in a table or a chart
+    table: str = ""  # name of the table that it is a column of
+    # Its place among all measures. The first one that an archive has orders the inputs, of those
+    # with a `reason`.
     rank: int = 99
+    # Shape of its dots in a chart; empty for one that stands in tables alone.
     marker: str = "circle"
+    # Of a part of a variance: that of an input ``"alone"``, the ``"total"`` with its interactions,
+    # or the one by which a variance is ``"divided"`` also where inputs depend on each other.
     share: str = ""
-    reason: str = ""
+    reason: str = ""  # words for an order of the inputs by it; empty where it orders none
+    # Sentence on the first of that order, with ``{input}``, ``{output}`` and ``{estimate}``; a
+    # share has sentences of its own.
     sentence: str = ""
+    # Title of a chart of its magnitudes by itself; empty for one that shares a chart with others.
     chart: str = ""
-    axis: str = ""
+    axis: str = ""  # label of the axis of its chart; a share has one that depends on the inputs
+    # ``"output"`` and ``"input"``, where it is in per cent of their values.
     relative_to: tuple[str, ...] = ()
+    # Key in JSON of one that lies along more than the inputs. It stands there under the name of the
+    # statistic that it follows from.
     json: str = ""
 
 

@@ -6,8 +6,6 @@ import re
 from enum import IntEnum
 from types import MappingProxyType
 
-__all__ = ["STATUS_TEXT", "Status", "divide_place", "mask_numbers"]
-
 
 class Status(IntEnum):
     """Status of a run. Any other than `OK` marks a failed run, which is kept as data."""

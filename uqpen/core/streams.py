@@ -12,8 +12,6 @@ import json
 
 import numpy as np
 
-__all__ = ["BLOCK", "Stream"]
-
 # Each block of this number of points has its own generator, on every machine. A larger design
 # then keeps the points of a smaller one.
 BLOCK = 65_536

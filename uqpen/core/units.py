@@ -17,19 +17,6 @@ import numpy as np
 
 from uqpen.core.errors import QuantityError, toml_text
 
-__all__ = [
-    "ANY_DIMENSION",
-    "DIMENSIONLESS",
-    "NUMBER",
-    "Scale",
-    "are_convertible",
-    "describe",
-    "product",
-    "ratio",
-    "scale",
-    "si_unit",
-]
-
 DIMENSIONLESS = "1"
 
 

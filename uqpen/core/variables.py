@@ -20,41 +20,17 @@ from uqpen.core.units import DIMENSIONLESS, scale
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = [
-    "MOST_DIMENSIONS",
-    "POSITIVE",
-    "Bounds",
-    "Category",
-    "DerivedOutput",
-    "Dimension",
-    "Input",
-    "Output",
-    "Reduction",
-    "Variable",
-    "dimension_name_problem",
-    "field_coordinates",
-]
-
-
 # Dimensions of an output at most, beside that of the runs.
 MOST_DIMENSIONS = 3
 
 
 @dataclass(frozen=True)
 class Bounds:
-    """Range of possible values of an input, in its SI unit.
+    """Range of possible values of an input, in its SI unit."""
 
-    Parameters
-    ----------
-    lower, upper : float
-        The ends of the interval.
-    lower_included, upper_included : bool
-        Whether the ends belong to it.
-    """
-
-    lower: float = -math.inf
+    lower: float = -math.inf  # with upper: the ends of the interval
     upper: float = math.inf
-    lower_included: bool = False
+    lower_included: bool = False  # with upper_included: whether the ends belong to it
     upper_included: bool = False
 
     def contain(self, values: FloatArray) -> BoolArray:
@@ -78,23 +54,12 @@ POSITIVE = Bounds(lower=0.0)
 
 @dataclass(frozen=True)
 class Variable:
-    """Quantity that a model takes or returns.
+    """Quantity that a model takes or returns."""
 
-    Parameters
-    ----------
-    name : str
-        Name in a study file, an archive and a script.
-    unit : str
-        Its coherent SI unit, in which the program keeps it.
-    long_name : str
-        Name for display; the name itself where it is empty.
-    display_unit : str
-        The unit to show it in where a study names none; `unit` where it is empty.
-    """
-
-    name: str
-    unit: str
-    long_name: str = ""
+    name: str  # name in a study file, an archive and a script
+    unit: str  # its coherent SI unit, in which the program keeps it
+    long_name: str = ""  # name for display; the name itself where it is empty
+    # The unit to show it in where a study names none; `unit` where it is empty.
     display_unit: str = ""
 
     @property
@@ -159,18 +124,13 @@ def dimension_name_problem(name: str) -> str:
 class Dimension(Variable):
     """Dimension of outputs, such as time or depth, with the coordinates of their values.
 
-    Parameters
-    ----------
-    values : tuple of float
-        Coordinates in the SI unit, finite and in ascending order.
-
     Raises
     ------
     SettingsError
         If the name is invalid or used by archives themselves, or the coordinates are.
     """
 
-    values: tuple[float, ...] = ()
+    values: tuple[float, ...] = ()  # coordinates in the SI unit, finite and in ascending order
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "values", tuple(float(value) for value in self.values))
@@ -370,21 +330,11 @@ class Reduction(ABC):
 
 @dataclass(frozen=True)
 class DerivedOutput:
-    """Output that follows from a field of the same run, after the run.
+    """Output that follows from a field of the same run, after the run."""
 
-    Parameters
-    ----------
-    output : Output
-        Its name, its unit and its categories, if any.
-    source : str
-        The field.
-    reduction : Reduction
-        The rule by which it follows.
-    """
-
-    output: Output
-    source: str
-    reduction: Reduction
+    output: Output  # its name, its unit and its categories, if any
+    source: str  # the field
+    reduction: Reduction  # the rule by which it follows
 
     def values(self, whole: FloatArray, field: Output, is_ok: BoolArray) -> FloatArray:
         """Return its values in some runs; NaN in those that failed.

@@ -26,8 +26,6 @@ from uqpen.distributions.joint_distribution import (
 from uqpen.execution.batch import BatchResult
 from uqpen.models.data.data_model import DataModel
 
-__all__ = ["DataDesign"]
-
 _INDEPENDENT = "monte-carlo"
 
 

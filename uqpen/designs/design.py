@@ -18,39 +18,18 @@ from uqpen.designs.feedback import Feedback
 from uqpen.designs.stopping.stopping_rule import RequestedOutput
 from uqpen.distributions.joint_distribution import JointDistribution
 
-__all__ = [
-    "RUNS",
-    "STATISTICS",
-    "Design",
-    "Extension",
-    "ModelRounds",
-    "Rounds",
-    "UnloadedDesign",
-    "keep_problems",
-    "keep_setting",
-]
-
 # Extension of a design: which points of an earlier one it keeps.
 
 
 @dataclass(frozen=True)
 class Extension:
-    """Points of an earlier design that are among those of a new one.
+    """Points of an earlier design that are among those of a new one."""
 
-    Parameters
-    ----------
-    kept : int or None
-        Number of them; None where it is not known.
-    nearest : mapping of str to object
-        Settings of the new design, nearest to its own, with which it keeps all. Empty where none
-        are known.
-    reason : str
-        The property by which it does, such as ``"replicates of 20 points"``.
-    """
-
-    kept: int | None
+    kept: int | None  # number of them; None where it is not known
+    # Settings of the new design, nearest to its own, with which it keeps all. Empty where none are
+    # known.
     nearest: Mapping[str, object] = field(default_factory=dict)
-    reason: str = ""
+    reason: str = ""  # the property by which it does, such as ``"replicates of 20 points"``
 
     def text(self, earlier_runs: int, runs: int) -> str:
         """Return what becomes of earlier runs that are not used; empty if all are.
@@ -259,21 +238,11 @@ class Design(ABC):
 
 @dataclass(frozen=True)
 class UnloadedDesign(Design):
-    """Design of an archive that has made its runs, but cannot draw its points here.
+    """Design of an archive that has made its runs, but cannot draw its points here."""
 
-    Parameters
-    ----------
-    name : str
-        The reference or the object that the study names.
-    sampling : Sampling
-        The sampling that the archive records with its runs.
-    runs : int
-        Number of archived runs.
-    """
-
-    name: str
-    sampling: Sampling = Sampling.GIVEN
-    runs: int = 0
+    name: str  # the reference or the object that the study names
+    sampling: Sampling = Sampling.GIVEN  # the sampling that the archive records with its runs
+    runs: int = 0  # number of archived runs
 
     def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
         raise ModelError(f"{self.name} is not loaded: it draws no points without --trust")

@@ -14,8 +14,6 @@ from uqpen.core.labels import RUN
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["DrawnPoints", "Points", "Round", "points_in_memory", "points_of"]
-
 # Points of a round that are drawn by blocks, when they are needed.
 
 
@@ -76,17 +74,10 @@ class Round:
     """Points of a round that only some of a study's models run.
 
     All models run the first round of a design, and each other one that is bare points.
-
-    Parameters
-    ----------
-    points : Dataset or DrawnPoints
-        The points.
-    models : tuple of str
-        The names of the models.
     """
 
-    points: Points
-    models: tuple[str, ...]
+    points: Points  # the points
+    models: tuple[str, ...]  # the names of the models
 
 
 def points_of(drawn: Points | Round) -> Points:

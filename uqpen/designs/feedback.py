@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     import numpy.typing as npt
     import xarray as xr
 
-__all__ = ["Estimates", "Feedback"]
-
 
 class Estimates(Protocol):
     """Estimates from all rounds of a design so far, computed when they are asked for."""
@@ -44,16 +42,6 @@ class Estimates(Protocol):
 class Feedback:
     """Result of a round, which its design is sent.
 
-    Parameters
-    ----------
-    runs : mapping of str to Dataset
-        The runs of the round by model, at common points: of all models, or of those that
-        its `Round` names. The only model of a study is ``""``.
-    estimates : Estimates
-        Estimates from the runs of all rounds so far. Without a call they cost nothing.
-    costs : mapping of str to float
-        Cost of a run of each model, relative to the first; 1 where the study states none.
-
     Examples
     --------
     A design reads them where it yields its points::
@@ -62,8 +50,12 @@ class Feedback:
         mean = feedback.estimates("", "depth", only=["moments"])["mean"]
     """
 
+    # The runs of the round by model, at common points: of all models, or of those that its `Round`
+    # names. The only model of a study is ``""``.
     runs: Mapping[str, xr.Dataset]
+    # Estimates from the runs of all rounds so far. Without a call they cost nothing.
     estimates: Estimates
+    # Cost of a run of each model, relative to the first; 1 where the study states none.
     costs: Mapping[str, float] = field(default_factory=dict)
 
     @property

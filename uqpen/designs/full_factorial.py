@@ -18,8 +18,6 @@ from uqpen.designs.quadrature import WEIGHT_ATTRIBUTES
 from uqpen.distributions.input_group import SampleDistribution
 from uqpen.distributions.joint_distribution import JointDistribution
 
-__all__ = ["FullFactorial"]
-
 
 @dataclass(frozen=True)
 class FullFactorial(Design):

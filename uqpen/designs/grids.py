@@ -11,8 +11,6 @@ import numpy.typing as npt
 
 from uqpen.core.errors import Problem
 
-__all__ = ["tensor_grid", "too_many_nodes"]
-
 Number = TypeVar("Number", np.float64, np.int64)
 
 # Most nodes of a grid, which doubles or trebles with every input: a mistake goes far beyond.

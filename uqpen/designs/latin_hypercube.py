@@ -19,8 +19,6 @@ from uqpen.designs.replicated import ReplicatedDesign, split_replicates
 from uqpen.designs.stopping.stopping_rule import StoppingRule, stopping_rule
 from uqpen.distributions.joint_distribution import JointDistribution
 
-__all__ = ["LatinHypercube"]
-
 # Time that an optimized hypercube takes, in seconds, and that each of its points adds, measured for
 # 500 to 4 000 points; a study is not to say nothing for longer than the most before its first run.
 _SECONDS_PER_SET, _SECONDS_PER_POINT, _MOST_SECONDS = 1.0, 2.5e-3, 40.0

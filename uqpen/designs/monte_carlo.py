@@ -30,8 +30,6 @@ from uqpen.distributions.joint_distribution import JointDistribution
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["MonteCarlo", "independent_points"]
-
 _RUNS = f"a whole number, at least 1 and at most {MOST_RUNS:_}"
 
 

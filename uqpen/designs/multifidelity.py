@@ -25,8 +25,6 @@ from uqpen.designs.monte_carlo import independent_points
 from uqpen.designs.stopping.stopping_rule import RequestedOutput
 from uqpen.distributions.joint_distribution import JointDistribution
 
-__all__ = ["Allocation", "LinearEstimator", "Multifidelity", "best_allocation"]
-
 # Best linear unbiased estimator of a mean from independent groups of runs by several models.
 #
 # A group of runs is made by some of the models at common points. Its mean outputs are unbiased, and
@@ -41,17 +39,10 @@ _NOISE = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class LinearEstimator:
-    """Best linear unbiased estimator of the mean output of the first model.
+    """Best linear unbiased estimator of the mean output of the first model."""
 
-    Parameters
-    ----------
-    covariance : ndarray, shape (model, model)
-        Of the models' outputs at a common point.
-    groups : tuple of ndarray of bool, shape (model,)
-        The models of each group. Each model is in one of them.
-    """
-
-    covariance: FloatArray
+    covariance: FloatArray  # (model, model): of the models' outputs at a common point
+    # (model,): the models of each group. Each model is in one of them.
     groups: Sequence[BoolArray]
 
     def weights(self, runs: FloatArray) -> FloatArray:
@@ -113,18 +104,10 @@ _SMALLEST_SHARE, _FEWEST_POINTS = 1e-3, 10
 
 @dataclass(frozen=True, eq=False)
 class Allocation:
-    """Numbers of points by groups of models.
+    """Numbers of points by groups of models."""
 
-    Parameters
-    ----------
-    groups : tuple of ndarray of bool, shape (model,)
-        The models of each group; the first has all of them.
-    runs : ndarray, shape (group,)
-        The number of points that each group runs, not necessarily whole.
-    """
-
-    groups: tuple[BoolArray, ...]
-    runs: FloatArray
+    groups: tuple[BoolArray, ...]  # (model,): the models of each group; the first has all of them
+    runs: FloatArray  # (group,): the number of points that each group runs, not necessarily whole
 
     def variance(self, covariance: FloatArray) -> float:
         """Return the variance of the best linear unbiased estimator of the first model's mean."""

@@ -30,8 +30,6 @@ from uqpen.distributions.orthogonal_polynomials import recurrence
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["Morris", "OneAtATime", "add_move_coordinates", "moved_input_numbers"]
-
 # Labels of the runs of a design that moves inputs: writing and reading them.
 
 # Stands for no input, in the runs that move none; names of inputs begin with a letter.

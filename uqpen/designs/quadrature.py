@@ -28,18 +28,6 @@ from uqpen.distributions.joint_distribution import JointDistribution, points_dat
 from uqpen.distributions.orthogonal_polynomials import Recurrence, recurrence
 from uqpen.distributions.univariate import Beta, Gamma, Normal, Uniform
 
-__all__ = [
-    "NESTED_RULES",
-    "WEIGHT_ATTRIBUTES",
-    "NestedRule",
-    "Quadrature",
-    "Rule",
-    "is_exact",
-    "node_counts",
-    "rule_recurrence",
-    "univariate_rules",
-]
-
 # Integration rules of one input: Gauss's, and nested ones whose nodes chaospy computes.
 #
 # The weights of a nested rule are the integrals of Lagrange's polynomials on its nodes over the
@@ -73,31 +61,18 @@ _GENZ_KEISTER_SIZES = {
 
 @dataclass(frozen=True)
 class NestedRule:
-    """Sequence of rules of one input; the nodes of each are among those of the next.
+    """Sequence of rules of one input; the nodes of each are among those of the next."""
 
-    Parameters
-    ----------
-    sizes : sequence of int
-        Numbers of nodes, ascending.
-    degree : callable
-        Degree of exactness, from a number of nodes and whether the distribution is symmetric about
-        the middle of its range.
-    accepts : callable
-        Whether the rule is defined for a distribution.
-    expected : str
-        The accepted distributions in words, for a message.
-    nodes : callable
-        Nodes in the standard variable, from their number and the distribution.
-    on_range : bool
-        True if the standard variable runs from 0 to 1 over the distribution's range; otherwise it
-        is that of the distribution's `Recurrence`.
-    """
-
-    sizes: Sequence[int]
+    sizes: Sequence[int]  # numbers of nodes, ascending
+    # Degree of exactness, from a number of nodes and whether the distribution is symmetric about
+    # the middle of its range.
     degree: Callable[[int, bool], int]
-    accepts: Callable[[Distribution], bool]
-    expected: str
+    accepts: Callable[[Distribution], bool]  # whether the rule is defined for a distribution
+    expected: str  # the accepted distributions in words, for a message
+    # Nodes in the standard variable, from their number and the distribution.
     nodes: Callable[[int, Distribution], FloatArray]
+    # True if the standard variable runs from 0 to 1 over the distribution's range; otherwise it is
+    # that of the distribution's `Recurrence`.
     on_range: bool = True
 
     @property

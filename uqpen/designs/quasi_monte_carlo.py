@@ -23,8 +23,6 @@ from uqpen.distributions.joint_distribution import JointDistribution
 if TYPE_CHECKING:
     from scipy.stats.qmc import QMCEngine, Sobol
 
-__all__ = ["Halton", "SobolSequence", "sobol_points"]
-
 # All bits of a double: with fewer, a scrambled point may be 0, where a quantile may be infinite.
 _BITS = 53
 

@@ -30,8 +30,6 @@ from uqpen.distributions.joint_distribution import JointDistribution
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["ReplicatedDesign", "nested_replicates", "split_replicates", "uneven_replicates"]
-
 # Where sets ended at a target of a quantile, its intervals of nominal 95 % covered in 91 % at the
 # worst target; those of other statistics covered in 93 % or more (docs/coverage.md).
 _WITHOUT_QUANTILES = (

@@ -19,8 +19,6 @@ from uqpen.designs.feedback import Estimates, Feedback
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
 from uqpen.models.user_code import error_text
 
-__all__ = ["draw_rounds", "first_round", "no_estimates", "run_rounds"]
-
 _INVALID_WEIGHT = f"its {WEIGHT} is not finite, below 0, or 0 everywhere"
 
 # Runs of a round by the name of a model.

@@ -27,8 +27,6 @@ from uqpen.distributions.joint_distribution import JointDistribution, points_dat
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["MATRIX_A", "MATRIX_B", "MOST_ROUNDS", "BlockLayout", "PickFreezePart", "Saltelli"]
-
 # Blocks of a pick-freeze design: their parts, and the labels of their rows.
 #
 # A block of the first round has a row of each of the matrices A and B, whose points are drawn, and
@@ -47,43 +45,22 @@ _AB_PREFIX, _BA_PREFIX = "AB_", "BA_"
 
 @dataclass(frozen=True)
 class PickFreezePart:
-    """Part of a block: one of its points.
+    """Part of a block: one of its points."""
 
-    Parameters
-    ----------
-    matrix : int
-        Label of the rows of later rounds that were drawn for it.
-    first : int
-        The matrix whose row of the first round serves if none had to be drawn again.
-    anchor : int or None
-        The `matrix` of the part with shared inputs; None for a point of its own.
-    shared : tuple of int
-        Columns of the shared inputs.
-    rest : int
-        The matrix whose first row gives the other inputs of the first proposal.
-    """
-
-    matrix: int
-    first: int
+    matrix: int  # label of the rows of later rounds that were drawn for it
+    first: int  # the matrix whose row of the first round serves if none had to be drawn again
+    # The `matrix` of the part with shared inputs; None for a point of its own.
     anchor: int | None = None
-    shared: tuple[int, ...] = ()
-    rest: int = MATRIX_A
+    shared: tuple[int, ...] = ()  # columns of the shared inputs
+    rest: int = MATRIX_A  # the matrix whose first row gives the other inputs of the first proposal
 
 
 @dataclass(frozen=True)
 class BlockLayout:
-    """The matrices and parts of a design over some inputs.
+    """The matrices and parts of a design over some inputs."""
 
-    Parameters
-    ----------
-    inputs : tuple of str
-        The random inputs, in the order of the columns.
-    second_order : bool
-        Whether there are BA_i, for indices of pairs of inputs.
-    """
-
-    inputs: tuple[str, ...]
-    second_order: bool
+    inputs: tuple[str, ...]  # the random inputs, in the order of the columns
+    second_order: bool  # whether there are BA_i, for indices of pairs of inputs
 
     @classmethod
     def from_runs(cls, runs: xr.Dataset) -> BlockLayout:

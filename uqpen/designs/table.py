@@ -19,8 +19,6 @@ from uqpen.core.units import DIMENSIONLESS
 from uqpen.designs.design import Design, Rounds
 from uqpen.distributions.joint_distribution import JointDistribution, points_dataset
 
-__all__ = ["TableDesign"]
-
 
 @dataclass(frozen=True)
 class TableDesign(Design):

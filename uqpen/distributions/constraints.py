@@ -25,8 +25,6 @@ from uqpen.core.lookup import choices
 from uqpen.core.quantities import Quantity, parse_any_dimension
 from uqpen.core.units import DIMENSIONLESS, are_convertible, product, ratio, si_unit
 
-__all__ = ["Constraint", "parse_constraint"]
-
 _SHAPE = (
     'a comparison of inputs, such as "plasticity_radius > crater_radius", or with a quantity in '
     "quotes of its own, such as \"impact_velocity < '3 km/s'\""

@@ -365,21 +365,13 @@ def score_correlation(correlation: float, measure: str) -> float:
 
 @dataclass(frozen=True)
 class EllipticalCopula(Dependence):
-    """Copula of a distribution whose surfaces of equal density are ellipsoids.
-
-    Parameters
-    ----------
-    inputs : tuple of str
-        The inputs that it joins.
-    matrix : tuple of tuple of float
-        Correlations of the scores.
-    """
+    """Copula of a distribution whose surfaces of equal density are ellipsoids."""
 
     measures: ClassVar[tuple[str, ...]]
     """Keys of `MEASURES` that convert exactly into a correlation of its scores."""
 
-    inputs: tuple[str, ...]
-    matrix: Matrix
+    inputs: tuple[str, ...]  # the inputs that it joins
+    matrix: Matrix  # correlations of the scores
 
     def check_settings(self) -> Iterator[Problem]:
         size = len(self.inputs)

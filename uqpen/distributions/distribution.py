@@ -13,8 +13,6 @@ from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import ModelError, Problem, SettingsError
 from uqpen.core.settings import validate
 
-__all__ = ["OPEN_INTERVAL", "Distribution", "UnloadedDistribution", "order_problem"]
-
 # Interface of the distribution of one input.
 #
 # Both tails have a function each, so that a distribution truncated far out keeps its accuracy.

@@ -16,17 +16,6 @@ from uqpen.core.errors import SettingsError
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.distributions.distribution import OPEN_INTERVAL, Distribution
 
-__all__ = [
-    "LIBRARIES",
-    "FrozenDistribution",
-    "as_frozen",
-    "declare",
-    "frozen_distribution",
-    "frozen_names",
-    "is_chaospy",
-]
-
-
 # The key of a library in a study file, and its module with the distributions.
 LIBRARIES = {"scipy": "scipy.stats", "chaospy": "chaospy"}
 

@@ -20,17 +20,6 @@ from uqpen.distributions.distribution import Distribution, UnloadedDistribution
 from uqpen.distributions.frozen import is_chaospy, parse_call
 from uqpen.distributions.univariate import Discrete
 
-__all__ = [
-    "ChaospyJoint",
-    "ImplicitMarginal",
-    "InputGroup",
-    "SampleDistribution",
-    "UnloadedGroup",
-    "chaospy_joint",
-    "declare_joint",
-    "is_joint",
-]
-
 # Interface of the joint distribution of several inputs, and its stand-in without code.
 
 
@@ -87,18 +76,10 @@ class InputGroup(ABC):
 
 @dataclass(frozen=True)
 class ImplicitMarginal(Distribution):
-    """Distribution of one input of a group that is known by its draws alone.
+    """Distribution of one input of a group that is known by its draws alone."""
 
-    Parameters
-    ----------
-    name : str
-        The group, for a message.
-    nominal : float
-        Nominal value of the input, in its SI unit.
-    """
-
-    name: str
-    nominal: float
+    name: str  # the group, for a message
+    nominal: float  # nominal value of the input, in its SI unit
 
     @property
     def median(self) -> float:
@@ -145,26 +126,14 @@ _ROWS = 1024
 
 @dataclass(frozen=True, eq=False)
 class ChaospyJoint(InputGroup):
-    """Joint distribution of chaospy.
-
-    Parameters
-    ----------
-    inputs : tuple of str
-        One for each of its dimensions.
-    joint : object
-        Such as ``chaospy.J(…)`` or ``chaospy.MvNormal(…)``.
-    units : tuple of str
-        Unit of the values of each input.
-    name : str
-        Its text.
-    """
+    """Joint distribution of chaospy."""
 
     conditional_reason = "chaospy draws its inputs in one order, each given those before"
 
-    inputs: tuple[str, ...]
-    joint: Any
-    units: tuple[str, ...]
-    name: str
+    inputs: tuple[str, ...]  # one for each of its dimensions
+    joint: Any  # such as ``chaospy.J(…)`` or ``chaospy.MvNormal(…)``
+    units: tuple[str, ...]  # unit of the values of each input
+    name: str  # its text
 
     @property
     def description(self) -> str:
@@ -248,19 +217,6 @@ class SampleDistribution(InputGroup):
     cube selects the row, each over an interval as long as its weight. So stratified points take the
     rows evenly, as systematic resampling does; the other coordinates have no effect.
 
-    Parameters
-    ----------
-    inputs : tuple of str
-        The columns.
-    rows : ndarray, shape (row, input)
-        Values in SI units.
-    weights : ndarray, shape (row,)
-        Relative weights, at least two above 0.
-    source : str
-        The file, for a description.
-    file : FileSnapshot, optional
-        That file.
-
     References
     ----------
     Kitagawa, G. (1996). J. Comput. Graph. Stat. 5, 1-25.
@@ -268,11 +224,11 @@ class SampleDistribution(InputGroup):
 
     conditional_reason = "its draws are whole rows of a sample, of which no part is given the rest"
 
-    inputs: tuple[str, ...]
-    rows: FloatArray
-    weights: FloatArray
-    source: str = "a table"
-    file: FileSnapshot | None = field(default=None, repr=False)
+    inputs: tuple[str, ...]  # the columns
+    rows: FloatArray  # (row, input): values in SI units
+    weights: FloatArray  # (row,): relative weights, at least two above 0
+    source: str = "a table"  # the file, for a description
+    file: FileSnapshot | None = field(default=None, repr=False)  # that file
 
     @property
     def description(self) -> str:

@@ -21,16 +21,6 @@ from uqpen.distributions.input_group import InputGroup
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = [
-    "Agreement",
-    "FixedInput",
-    "JointDistribution",
-    "RandomInput",
-    "input_agreements",
-    "largest_correlation",
-    "points_dataset",
-]
-
 
 @dataclass(frozen=True)
 class FixedInput:
@@ -48,24 +38,15 @@ class FixedInput:
 
 @dataclass(frozen=True)
 class RandomInput:
-    """An input with a distribution over its SI unit.
-
-    Parameters
-    ----------
-    description : str
-        The distribution as its author wrote it.
-    fit : mapping of str to str, int or float
-        Number of measurements and goodness of fit, if the distribution follows from measurements.
-    files : tuple of FileSnapshot
-        Files of those measurements.
-    """
+    """An input with a distribution over its SI unit."""
 
     variable: Input
     distribution: Distribution
     display_unit: str
-    description: str = ""
+    description: str = ""  # the distribution as its author wrote it
+    # Number of measurements and goodness of fit, if the distribution follows from measurements.
     fit: Mapping[str, str | int | float] = field(default_factory=dict, hash=False)
-    files: tuple[FileSnapshot, ...] = ()
+    files: tuple[FileSnapshot, ...] = ()  # files of those measurements
 
     @property
     def nominal(self) -> float:
@@ -79,22 +60,14 @@ class JointDistribution:
 
     It is a product of independent parts: inputs by themselves, the inputs of a copula, and groups
     of inputs that have a joint distribution of their own.
-
-    Parameters
-    ----------
-    inputs : tuple of FixedInput or RandomInput
-        At most one of each name.
-    variables : tuple of Input
-        All inputs of the model: a table of points may give some that the study does not.
-    dependence : Dependence, optional
-        The copula of some of the random inputs; the others are independent.
-    groups : tuple of InputGroup
-        Joint distributions of further inputs, which have entries as all random inputs have.
     """
 
-    inputs: tuple[FixedInput | RandomInput, ...]
+    inputs: tuple[FixedInput | RandomInput, ...]  # at most one of each name
+    # All inputs of the model: a table of points may give some that the study does not.
     variables: tuple[Input, ...]
+    # The copula of some of the random inputs; the others are independent.
     dependence: Dependence | None = None
+    # Joint distributions of further inputs, which have entries as all random inputs have.
     groups: tuple[InputGroup, ...] = ()
 
     @property
@@ -259,20 +232,11 @@ _WEAK = 0.1
 
 
 class Agreement(NamedTuple):
-    """Comparison of points with a joint distribution by one number.
+    """Comparison of points with a joint distribution by one number."""
 
-    Attributes
-    ----------
-    inputs : tuple of str
-        The input, or the two inputs of a correlation.
-    value : float
-        Kolmogorov's distance, or Spearman's rank correlation.
-    p_value : float
-        Probability that as many independent draws of the joint distribution depart as far.
-    """
-
-    inputs: tuple[str, ...]
-    value: float
+    inputs: tuple[str, ...]  # the input, or the two inputs of a correlation
+    value: float  # kolmogorov's distance, or Spearman's rank correlation
+    # Probability that as many independent draws of the joint distribution depart as far.
     p_value: float
 
     @property

@@ -21,20 +21,6 @@ from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.distributions import DISTRIBUTIONS
 from uqpen.distributions.distribution import OPEN_INTERVAL, Distribution
 
-__all__ = [
-    "FEWEST",
-    "FEWEST_FOR_A_FAMILY",
-    "LOWEST_P_VALUE",
-    "DistributionFit",
-    "Empirical",
-    "Measurements",
-    "check_measurements",
-    "fit_distribution",
-    "fitted_families",
-    "parameters_text",
-    "value_text",
-]
-
 # Measurements of an input in a file beside the study.
 
 # On average, a share (n - 1) / (n + 1) of the distribution lies between the least and the greatest
@@ -48,15 +34,9 @@ FEWEST_FOR_A_FAMILY = 5
 
 @dataclass(frozen=True)
 class Measurements:
-    """A file with a column of measurements.
+    """A file with a column of measurements."""
 
-    Parameters
-    ----------
-    file : Path
-        Ends in ``.nc`` for NetCDF; anything else is read as CSV.
-    """
-
-    file: Path = file()
+    file: Path = file()  # ends in ``.nc`` for NetCDF; anything else is read as CSV
 
     @property
     def columns(self) -> tuple[Column, ...]:
@@ -144,17 +124,12 @@ class Empirical(Distribution):
     and the last the quantile is constant. So no draw lies outside the measured range, and the mean
     is exactly that of the measurements.
 
-    Parameters
-    ----------
-    measurements : tuple of float
-        In SI units, in any order; at least two of them differ.
-
     References
     ----------
     Hazen, A. (1914). Trans. Am. Soc. Civ. Eng. 77, 1539-1640.
     """
 
-    measurements: tuple[float, ...]
+    measurements: tuple[float, ...]  # in SI units, in any order; at least two of them differ
 
     def check_settings(self) -> Iterator[Problem]:
         if not np.isfinite(self.measurements).all():
@@ -212,22 +187,13 @@ LOWEST_P_VALUE = 0.05
 
 @dataclass(frozen=True)
 class DistributionFit:
-    """Distribution fitted to measurements by maximum likelihood.
+    """Distribution fitted to measurements by maximum likelihood."""
 
-    Parameters
-    ----------
-    distribution : Distribution
-        The fitted distribution.
-    distance : float
-        Kolmogorov-Smirnov distance: the largest difference of its cdf from that of the
-        measurements.
-    p_value : float
-        Share of samples of the fitted distribution, each fitted anew, that lie as far from their
-        fit as the measurements from theirs.
-    """
-
-    distribution: Distribution
+    distribution: Distribution  # the fitted distribution
+    # Kolmogorov-Smirnov distance: the largest difference of its cdf from that of the measurements.
     distance: float
+    # Share of samples of the fitted distribution, each fitted anew, that lie as far from their fit
+    # as the measurements from theirs.
     p_value: float
 
     @property

@@ -22,9 +22,6 @@ from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.univariate import Beta, Gamma, Lognormal, Normal, Uniform
 
-__all__ = ["Recurrence", "recurrence"]
-
-
 # A distribution is integrated over z, where Φ(z) is the probability below. The range ends here,
 # where Φ(-z) is almost the smallest probability that a double can represent.
 _FARTHEST = 37.0
@@ -44,18 +41,12 @@ _MOST_PANELS = 20_000
 
 @dataclass(frozen=True)
 class Recurrence:
-    """Three-term recurrence of the monic orthogonal polynomials in t of a distribution.
+    """Three-term recurrence of the monic orthogonal polynomials in t of a distribution."""
 
-    Parameters
-    ----------
-    alpha, beta : ndarray, shape (order + 1,)
-        The coefficients; ``beta[0]`` is 1, the total probability.
-    location, scale : float
-        Parameters of the standardised variable: t = (x - location) / scale.
-    """
-
+    # With beta: (order + 1,): the coefficients; ``beta[0]`` is 1, the total probability.
     alpha: FloatArray
     beta: FloatArray
+    # With scale: parameters of the standardised variable: t = (x - location) / scale.
     location: float
     scale: float
 

@@ -50,36 +50,19 @@ class ExecutorDetail(NamedTuple):
 
 
 class Executor(NamedTuple):
-    """Way to make runs, which an option of the command line asks for.
+    """Way to make runs, which an option of the command line asks for."""
 
-    Parameters
-    ----------
-    function : str
-        Reference. It takes the value of the option, then the text of its `detail` if it has one,
-        then a function that shows a message if it `reports`. It returns a context manager with a
-        `Map` for the runs.
-    metavar, help : str
-        Of the option.
-    step : str
-        Preparation before the first run in words, with braces for the value.
-    is_count : bool
-        True if the value is a whole number, 1 or more; a text otherwise.
-    in_this_process : int, optional
-        The value with which this process makes the runs itself.
-    detail : ExecutorDetail, optional
-        A further option.
-    reports : bool
-        True if it shows messages.
-    """
-
+    # Reference. It takes the value of the option, then the text of its `detail` if it has one, then
+    # a function that shows a message if it `reports`. It returns a context manager with a `Map` for
+    # the runs.
     function: str
-    metavar: str
+    metavar: str  # with help: of the option
     help: str
-    step: str
-    is_count: bool = False
-    in_this_process: int | None = None
-    detail: ExecutorDetail | None = None
-    reports: bool = False
+    step: str  # preparation before the first run in words, with braces for the value
+    is_count: bool = False  # true if the value is a whole number, 1 or more; a text otherwise
+    in_this_process: int | None = None  # the value with which this process makes the runs itself
+    detail: ExecutorDetail | None = None  # A further option
+    reports: bool = False  # true if it shows messages
 
 
 # By the names of their options, of which a command takes one.

@@ -13,26 +13,14 @@ from uqpen.core.limits import Limits
 from uqpen.core.model import Results
 from uqpen.core.status import Status
 
-__all__ = ["Batch", "BatchResult", "Map", "PacedMap", "Work", "join_results"]
-
 
 @dataclass(frozen=True)
 class Batch:
-    """Consecutive runs that are made together.
+    """Consecutive runs that are made together."""
 
-    Parameters
-    ----------
-    start : int
-        The number of the first.
-    inputs : mapping of str to ndarray, shape (run,)
-        In SI units.
-    is_observed : bool
-        True if what the first run depends on is to be reported.
-    """
-
-    start: int
-    inputs: Arrays
-    is_observed: bool = False
+    start: int  # the number of the first
+    inputs: Arrays  # (run,): in SI units
+    is_observed: bool = False  # true if what the first run depends on is to be reported
 
     def __len__(self) -> int:
         return len(next(iter(self.inputs.values())))

@@ -11,9 +11,6 @@ from uqpen.core.streams import BLOCK
 from uqpen.execution.batch import Batch
 from uqpen.execution.open_blocks import OpenBlocks
 
-__all__ = ["BATCH_SIZE", "WORTH_SENDING", "Pace", "scalar_batches", "vectorized_batches"]
-
-
 # Size of the batches of a vectorised function. It never changes with the number of runs.
 BATCH_SIZE = 1024
 

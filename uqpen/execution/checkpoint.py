@@ -10,8 +10,6 @@ from uqpen.core.arrays import Arrays
 from uqpen.core.blocks import join_blocks
 from uqpen.execution.batch import BatchResult
 
-__all__ = ["Checkpoint"]
-
 
 class Checkpoint:
     """Store of finished runs of a model in a round of a design; this base class stores none."""

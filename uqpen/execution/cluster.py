@@ -24,8 +24,6 @@ from uqpen.execution.task_queue import Task, TaskQueue
 if TYPE_CHECKING:
     from distributed import Client, Future, as_completed
 
-__all__ = ["ENDS_AT", "Attendance", "Cluster", "cluster", "import_distributed", "leave_if_late"]
-
 # Workers of a cluster: reports on a study that has none.
 
 # Seconds without a worker before the first report; each later one waits twice as long.

@@ -23,34 +23,19 @@ from uqpen.execution.first_runs import FirstRuns
 from uqpen.execution.open_blocks import BlockRecord, OpenBlocks
 from uqpen.execution.runs import runs_dataset
 
-__all__ = ["EvaluationOptions", "evaluate", "evaluate_blocks"]
-
 
 @dataclass(frozen=True)
 class EvaluationOptions:
-    """Execution and reports of the runs of a model; only `failures` can change a result.
+    """Execution and reports of the runs of a model; only `failures` can change a result."""
 
-    Parameters
-    ----------
-    map : callable
-        Like the built-in; it makes the runs of batches.
-    label : str
-        The name of the model in a study with several, for progress reports.
-    progress : Progress
-        Receives progress reports.
-    checkpoint : Checkpoint
-        Restores runs made before, and stores finished ones.
-    failures : FailurePolicy
-        Retries of missing runs, and how many may be missing.
-    first_runs : FirstRuns, optional
-        The model's first runs in a study, for a trial run and an early end; none of it otherwise.
-    """
-
-    map: Map = map
-    label: str = ""
-    progress: Progress = field(default_factory=Progress)
+    map: Map = map  # like the built-in; it makes the runs of batches
+    label: str = ""  # the name of the model in a study with several, for progress reports
+    progress: Progress = field(default_factory=Progress)  # receives progress reports
+    # Restores runs made before, and stores finished ones.
     checkpoint: Checkpoint = field(default_factory=Checkpoint)
+    # Retries of missing runs, and how many may be missing.
     failures: FailurePolicy = field(default_factory=FailurePolicy)
+    # The model's first runs in a study, for a trial run and an early end; none of it otherwise.
     first_runs: FirstRuns | None = None
 
 

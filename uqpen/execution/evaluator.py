@@ -21,26 +21,16 @@ from uqpen.execution.invalid_values import invalid_runs
 from uqpen.execution.processes import run_in_child
 from uqpen.execution.worker_process import is_child_process
 
-__all__ = ["Evaluator", "EvaluatorWork"]
-
-
 # Most warnings of one batch; a model may warn at every run.
 _MOST_WARNINGS = 16
 
 
 @dataclass(frozen=True)
 class Evaluator:
-    """Model with the domain of its inputs, as one call over a batch.
+    """Model with the domain of its inputs, as one call over a batch."""
 
-    Parameters
-    ----------
-    model : Model
-        The model to run.
-    constraints : sequence of Constraint
-        Constraints on the inputs; points that violate one are inadmissible and not run.
-    """
-
-    model: Model
+    model: Model  # the model to run
+    # Constraints on the inputs; points that violate one are inadmissible and not run.
     constraints: Sequence[Constraint] = ()
 
     def __call__(self, inputs: dict[str, FloatArray], *, is_observed: bool = False) -> Results:

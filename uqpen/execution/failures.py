@@ -12,8 +12,6 @@ from uqpen.core.settings import count, flag, share, validate
 from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.execution.batch import BatchResult
 
-__all__ = ["FailureCount", "FailurePolicy"]
-
 _ROUNDING = 1e-12
 
 

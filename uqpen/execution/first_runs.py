@@ -15,9 +15,6 @@ from uqpen.core.status import STATUS_TEXT, Status, mask_numbers
 from uqpen.execution.batch import BatchResult
 from uqpen.execution.failures import FailurePolicy
 
-__all__ = ["FirstRuns"]
-
-
 _OBSERVED = Dependency(OBSERVED, "run").line
 
 

@@ -9,8 +9,6 @@ import numpy as np
 from uqpen.core.arrays import FloatArray
 from uqpen.core.model import Output
 
-__all__ = ["invalid_runs"]
-
 
 def invalid_runs(output: Output, values: FloatArray) -> Iterator[tuple[int, str]]:
     """Yield the runs with an invalid value of an output, each with the reason.

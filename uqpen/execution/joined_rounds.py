@@ -15,8 +15,6 @@ from uqpen.archive.lazy_variables import (
 )
 from uqpen.core.labels import FAILED_RUN, FAILURE_REASON, ROUND, RUN, STATUS
 
-__all__ = ["join_rounds"]
-
 
 def join_rounds(rounds: Sequence[xr.Dataset], numbers: Sequence[int] | None = None) -> xr.Dataset:
     """Join the runs of one or more rounds of a design, and number them consecutively.

@@ -8,8 +8,6 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-__all__ = ["CAN_LIMIT", "limit_memory"]
-
 # Other systems have no such limit, or do not enforce it.
 CAN_LIMIT = sys.platform == "linux"
 

@@ -24,8 +24,6 @@ from uqpen.core.labels import (
 from uqpen.execution.batching import BATCH_SIZE
 from uqpen.execution.runs import replicate_count, status_counts
 
-__all__ = ["are_omitted", "batch_hashes", "bytes_of_hashes", "omit_runs"]
-
 # In a file: its 64 digits, and what the format has beside a text.
 _BYTES_OF_A_HASH = 113
 

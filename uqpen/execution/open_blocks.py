@@ -18,8 +18,6 @@ from uqpen.core.streams import BLOCK
 from uqpen.execution.batch import Batch, BatchResult
 from uqpen.execution.invalid_values import invalid_runs
 
-__all__ = ["BlockRecord", "OpenBlocks"]
-
 
 class BlockRecord:
     """Record of the points and the results so far of a block of runs."""

@@ -16,8 +16,6 @@ from uqpen.execution.batch import Batch, BatchResult, Work, join_results
 from uqpen.execution.task_queue import TRIES, Task, TaskQueue
 from uqpen.execution.worker import Worker, WorkerDiedError
 
-__all__ = ["ProcessPool", "processes", "run_in_child"]
-
 # Batches that are drawn for each worker: one in progress, and one to begin next.
 _AHEAD = 2
 

@@ -12,8 +12,6 @@ from uqpen.core.status import Status
 from uqpen.execution.batch import Batch, BatchResult, Map, Work
 from uqpen.execution.evaluator import EvaluatorWork
 
-__all__ = ["recorded_map"]
-
 
 def recorded_map(recorded: Results) -> Map:
     """Return a map that gives batches their recorded results, by the numbers of their runs.

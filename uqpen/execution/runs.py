@@ -34,16 +34,6 @@ from uqpen.core.variables import field_coordinates
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = [
-    "bytes_of_a_run",
-    "common_runs",
-    "replicate_count",
-    "run_count",
-    "runs_dataset",
-    "status_counts",
-    "worst_status_runs",
-]
-
 # Runs as datasets: joined, compared, counted.
 
 

@@ -15,8 +15,6 @@ from uqpen.core.labels import RUN
 from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.execution.checkpoint import Checkpoint
 
-__all__ = ["runs_in_file"]
-
 
 @contextlib.contextmanager
 def runs_in_file(path: Path, runs_in_memory: int = RUNS_IN_MEMORY) -> Iterator[Checkpoint]:

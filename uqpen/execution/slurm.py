@@ -15,8 +15,6 @@ from pathlib import Path
 from uqpen.core.errors import ClusterError
 from uqpen.execution.cluster import ENDS_AT, Cluster, import_distributed
 
-__all__ = ["JobArray", "slurm"]
-
 # Folder of what the jobs print, in the folder of the study's start.
 _LOGS = "slurm_logs"
 

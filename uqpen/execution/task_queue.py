@@ -11,8 +11,6 @@ from uqpen.core.errors import ModelError
 from uqpen.core.status import Status
 from uqpen.execution.batch import Batch, BatchResult, Work
 
-__all__ = ["TRIES", "Task", "TaskQueue"]
-
 # Attempts at a run, or at the start of a worker: its death may have an external cause.
 TRIES = 3
 

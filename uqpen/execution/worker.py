@@ -21,8 +21,6 @@ from uqpen.core.limits import Limits
 from uqpen.execution.batch import BatchResult
 from uqpen.execution.worker_process import run_batches
 
-__all__ = ["Worker", "WorkerDiedError"]
-
 # Time that a run has, in seconds, from when it first imports a module; some packages take tens of
 # seconds from a shared disk. A run that then was longer than its limit is made again.
 _IMPORT_SECONDS = 60.0

@@ -25,14 +25,6 @@ from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.execution.batch import Batch, BatchResult, Work
 from uqpen.execution.memory_limit import limit_memory
 
-__all__ = [
-    "IMPORTING",
-    "ImportSignal",
-    "is_child_process",
-    "mark_as_child_process",
-    "run_batches",
-]
-
 # Signal of a worker that its run imports a module, which takes time that is not the run's.
 
 

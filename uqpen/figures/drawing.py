@@ -13,8 +13,6 @@ from uqpen.core.errors import FigureError
 from uqpen.core.files import replace_file
 from uqpen.figures.style import figure_bytes, figure_format
 
-__all__ = ["Drawing", "RoundedLayout"]
-
 # Digits of a place on the page, as a part of its width or height.
 _DIGITS = 9
 

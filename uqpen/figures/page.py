@@ -25,8 +25,6 @@ from uqpen.results.texts import plain_text
 if TYPE_CHECKING:
     from uqpen.figures.drawing import Drawing
 
-__all__ = ["available", "check_archive", "figure", "panels"]
-
 # Inches, and characters to an inch of the notes.
 _WIDTHS = {1: 4.6, 2: 7.2, 3: 9.2, 4: 11.4}
 # Characters of a panel's title in a line, by the number of columns.

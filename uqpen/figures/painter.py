@@ -30,8 +30,6 @@ from uqpen.figures.panel import Axes, Panel
 from uqpen.results.source_style import BLACK, BLUE, GREY, VERMILION, source_style
 from uqpen.results.texts import plain_text
 
-__all__ = ["chart_panel", "error_bar_lengths"]
-
 # By the names of the page's colours.
 _COLOURS = {"ink": BLACK, "quiet": GREY, "grid": "#cccccc", "accent": BLUE, "beyond": VERMILION}
 _MARKERS = {

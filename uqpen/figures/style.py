@@ -14,8 +14,6 @@ from uqpen.core.errors import FigureError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["FORMATS", "figure_bytes", "figure_format", "figure_style", "require_matplotlib"]
-
 # The style of figures: the same on every machine, for all colour vision, and in grey.
 
 _SETTINGS: dict[str, Any] = {

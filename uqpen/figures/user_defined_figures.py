@@ -14,8 +14,6 @@ from uqpen.figures.panel import Axes, Panel
 from uqpen.models.user_module import FunctionFamily, UserDefinedFunction
 from uqpen.results.archive_view import ArchiveView
 
-__all__ = ["FIGURE", "FigureFunction", "figure_panels"]
-
 FigureFunction = Callable[[ArchiveView], Iterable[Block | Panel]]
 
 FIGURE = FunctionFamily(FIGURES, "uqpen.figures", "figure", "my_figure.py:my_figure", FigureError)

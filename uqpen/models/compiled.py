@@ -14,8 +14,6 @@ import numba
 from numba.core.typing.templates import Signature
 from numba.extending import intrinsic
 
-__all__ = ["align_stack", "compiled", "inlined", "use_widest_vectors"]
-
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 

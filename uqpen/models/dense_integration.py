@@ -20,8 +20,6 @@ import numpy as np
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 from uqpen.models import dop853
 
-__all__ = ["MOST_STEPS", "Steps", "integrate"]
-
 # Slopes of states of shape (variable, problem), given constants of shape (constant, problem).
 Slopes = Callable[[FloatArray, FloatArray], FloatArray]
 # Whether states of shape (variable, problem) meet a condition.
@@ -40,29 +38,15 @@ _MOST_SECANTS, _ROUNDING = 60, np.finfo(float).eps
 
 
 class Steps(NamedTuple):
-    """One step each of some of the problems.
+    """One step each of some of the problems."""
 
-    Attributes
-    ----------
-    problem : ndarray of int, shape (step,)
-        Position in the batch; ascending.
-    is_last : ndarray of bool, shape (step,)
-        True where the problem ends in this step.
-    start, size : ndarray, shape (step,)
-        Time where the step begins, and its length.
-    before, after : ndarray, shape (variable, step)
-        States at both ends.
-    terms : ndarray, shape (term, variable, step)
-        Of the interpolant.
-    """
-
-    problem: IntArray
-    is_last: BoolArray
-    start: FloatArray
+    problem: IntArray  # (step,): position in the batch; ascending
+    is_last: BoolArray  # (step,): true where the problem ends in this step
+    start: FloatArray  # with size: (step,): time where the step begins, and its length
     size: FloatArray
-    before: FloatArray
+    before: FloatArray  # with after: (variable, step): states at both ends
     after: FloatArray
-    terms: FloatArray
+    terms: FloatArray  # (term, variable, step): of the interpolant
 
     def states(self, step: IntArray, part: FloatArray) -> FloatArray:
         """Return states inside steps, shape (variable, place).

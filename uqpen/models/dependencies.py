@@ -24,8 +24,6 @@ from uqpen.core.files import LARGEST, FileSnapshot
 from uqpen.models.observation import Observation
 from uqpen.models.user_code import changed_file_error, changed_variable_error
 
-__all__ = ["Dependencies", "current_sha256"]
-
 
 class Dependencies:
     """Record of the files, variables, programs and hosts that user-defined code has used.

@@ -6,8 +6,6 @@ Hairer, E., Nørsett, S. P. & Wanner, G. (1993). Solving Ordinary Differential E
 II.5 and II.6. The weights are those of the authors' program and of SciPy.
 """
 
-__all__ = ["ERROR_3", "ERROR_5", "FURTHER", "INTERPOLANT", "SOLUTION", "STAGES"]
-
 # The second to the fifth stage take no part in what is more than two stages later.
 _NONE = (0.0,) * 4
 

@@ -37,8 +37,6 @@ from uqpen.models.installed import (
     reachable_modules,
 )
 
-__all__ = ["FunctionSource", "function_source"]
-
 _ABSENT = "the function is an object of the Python program that made the study"
 _CONSTANTS: tuple[type, ...] = (
     *(type(None), bool, int, float, complex, str, bytes, range, slice),
@@ -57,26 +55,15 @@ _UNFOLLOWED = (globals, locals, vars, eval, exec, __import__, importlib.import_m
 
 @dataclass(frozen=True)
 class FunctionSource:
-    """Source of a function.
+    """Source of a function."""
 
-    Parameters
-    ----------
-    name : str
-        Name of the function.
-    text : str
-        Its source; empty where that cannot be read.
-    sha256 : str
-        Hash of its byte code, of the functions of the user that it calls, and of the values that
-        it takes from outside; empty where one of them cannot be hashed. Byte code differs between
-        versions of Python.
-    unknown : str
-        The reason for an empty hash; empty otherwise.
-    """
-
-    name: str
-    text: str
+    name: str  # name of the function
+    text: str  # its source; empty where that cannot be read
+    # Hash of its byte code, of the functions of the user that it calls, and of the values that it
+    # takes from outside; empty where one of them cannot be hashed. Byte code differs between
+    # versions of Python.
     sha256: str
-    unknown: str = ""
+    unknown: str = ""  # the reason for an empty hash; empty otherwise
 
     @classmethod
     def absent(cls, name: str, text: str) -> FunctionSource:

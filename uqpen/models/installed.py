@@ -16,16 +16,6 @@ from typing import Any
 
 from uqpen.core.dependency import file_sha256
 
-__all__ = [
-    "is_installed",
-    "is_of_no_model",
-    "is_standard",
-    "loaded_own_modules",
-    "module_file",
-    "module_sha256",
-    "reachable_modules",
-]
-
 # This package, which says its own version.
 _PACKAGE = "uqpen"
 _PACKAGE_FOLDER = str(Path(__file__).parents[1]) + os.sep

@@ -11,9 +11,6 @@ from uqpen.core.model import Arrays, Bounds, Dimension, Input, Output, Results
 from uqpen.core.settings import number, validate
 from uqpen.models.source import BuiltInModel
 
-__all__ = ["Campbell", "Ishigami"]
-
-
 _RANGE = Bounds(-math.pi, math.pi, lower_included=True, upper_included=True)
 
 

@@ -28,8 +28,6 @@ from uqpen.core.dependency import (
 )
 from uqpen.models.installed import is_installed, is_standard
 
-__all__ = ["Observation", "relative_name", "unseen_readers"]
-
 _CACHED = "__pycache__"
 
 # Places of the system, whose files change with its version.

@@ -27,50 +27,32 @@ from uqpen.models.user_code import (
 from uqpen.models.user_defined_model import UserModel, batch_results
 from uqpen.models.user_module import line_in_function, load_function
 
-__all__ = ["PythonFunction", "check_inputs"]
-
 
 @dataclass(frozen=True)
 class PythonFunction(UserModel):
-    """Model that calls a Python function by keyword.
+    """Model that calls a Python function by keyword."""
 
-    Parameters
-    ----------
-    function : callable
-        Takes a keyword argument for each input, returns a mapping with each output; values are in
-        the units of `units`. An output with dimensions is an array along them.
-    name : str
-        Name for display; with surroundings, the reference for `load_function`.
-    units : mapping of str to str
-        The unit that the function takes each input and gives each output in.
-    vectorized : bool
-        Whether it takes and returns arrays along the runs; else those of one run.
-    surroundings : ModelFolder, optional
-        The folder that the function must be called in; a hash of its source identifies the version
-        of the model.
-    enforced_limits : Limits
-        Limits of one run; if anything is limited, runs are made in a process of their own.
-    source : FunctionSource, optional
-        The source of a function that is an object of this process, without a file to load it from.
-    fields : FieldSources
-        The grids on which runs return outputs, and the files with coordinates.
-    observed : Dependencies
-        Record of what the runs of an object depend on besides its source.
-    """
-
+    # Takes a keyword argument for each input, returns a mapping with each output; values are in the
+    # units of `units`. An output with dimensions is an array along them.
     function: Callable[..., Mapping[str, Any]]
-    name: str
+    name: str  # name for display; with surroundings, the reference for `load_function`
     inputs: tuple[Input, ...]
     outputs: tuple[Output, ...]
-    units: Mapping[str, str]
+    units: Mapping[str, str]  # the unit that the function takes each input and gives each output in
+    # Whether it takes and returns arrays along the runs; else those of one run.
     vectorized: bool = False
+    # The folder that the function must be called in; a hash of its source identifies the version of
+    # the model.
     surroundings: ModelFolder | None = field(default=None, repr=False, compare=False)
+    # Limits of one run; if anything is limited, runs are made in a process of their own.
     enforced_limits: Limits = Limits()
+    # The source of a function that is an object of this process, without a file to load it from.
     source: FunctionSource | None = field(default=None, repr=False)
+    # The grids on which runs return outputs, and the files with coordinates.
     fields: FieldSources = field(default=FieldSources(), repr=False)
     observed: Dependencies = field(
         default_factory=partial(Dependencies, Path()), repr=False, compare=False
-    )
+    )  # record of what the runs of an object depend on besides its source
 
     def evaluate(self, inputs: Arrays) -> Results:
         arguments = {

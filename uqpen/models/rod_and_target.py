@@ -27,8 +27,6 @@ from uqpen.core.model import (
 )
 from uqpen.models.source import BuiltInModel
 
-__all__ = ["OUTPUTS", "RodModel", "Termination", "sound_speed"]
-
 _INPUTS = (
     Input("projectile_density", "kg m-3", bounds=POSITIVE, display_unit="g/cm^3"),
     Input("projectile_yield_limit", "Pa", bounds=POSITIVE, display_unit="MPa"),

@@ -21,17 +21,6 @@ from uqpen.models.rod_motion import Rods, final_states, is_over
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = [
-    "DEPTHS",
-    "Trajectory",
-    "erosion_slopes",
-    "integrate_erosion",
-    "make_rod",
-    "rigid_motion",
-    "trajectory",
-    "trajectory_dataset",
-]
-
 # How many depths a course is given at.
 DEPTHS = 401
 

@@ -26,8 +26,6 @@ import numpy.typing as npt
 from uqpen.models.compiled import align_stack, compiled, inlined, use_widest_vectors
 from uqpen.models.tsitouras import ERROR, SOLUTION, STAGE_2, STAGE_3, STAGE_4, STAGE_5, STAGE_6
 
-__all__ = ["AT_REST", "CAUGHT_UP", "erode"]
-
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 Vector = tuple[float, float, float, float]

@@ -18,8 +18,6 @@ from uqpen.models.rod_motion import RigidMotion, at_impact, make_rods
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["AlekseevskiiTate", "HydrodynamicLimit", "RigidPenetration"]
-
 
 class HydrodynamicLimit(RodModel):
     """Depth L0 √(ρp/ρt) of a fast rod that erodes wholly, where neither side's strength matters.

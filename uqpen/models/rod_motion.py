@@ -24,19 +24,6 @@ from uqpen.core.arrays import Arrays, BoolArray, FloatArray, IntArray
 from uqpen.models.dense_integration import Steps, integrate
 from uqpen.models.rod_and_target import sound_speed
 
-__all__ = [
-    "Along",
-    "Curves",
-    "RigidMotion",
-    "Rods",
-    "at_impact",
-    "erosion_slopes",
-    "final_states",
-    "follow_erosion",
-    "is_over",
-    "make_rods",
-]
-
 
 class Rods(NamedTuple):
     """Rods and their targets, as the equations take them: arrays of shape (run,), or numbers."""
@@ -106,19 +93,11 @@ def erosion_slopes(state: FloatArray, constants: FloatArray) -> FloatArray:
 
 
 class RigidMotion(NamedTuple):
-    """Motion of rods that do not erode: 2 K du/dt = -(u² + B), (2.16) with u = v.
+    """Motion of rods that do not erode: 2 K du/dt = -(u² + B), (2.16) with u = v."""
 
-    Attributes
-    ----------
-    inertia, resistance : ndarray, shape (run,)
-        K, m, and B, m2 s-2.
-    velocity, depth, time : ndarray, shape (run,)
-        Where it begins, m s-1, m, s.
-    """
-
-    inertia: FloatArray
+    inertia: FloatArray  # with resistance: (run,): k, m, and B, m2 s-2
     resistance: FloatArray
-    velocity: FloatArray
+    velocity: FloatArray  # with depth, time: (run,): where it begins, m s-1, m, s
     depth: FloatArray
     time: FloatArray
 
@@ -178,20 +157,11 @@ class Along(IntEnum):
 
 @dataclass(frozen=True)
 class Curves:
-    """Curves of some rods at given coordinates, NaN behind the end of their motion.
+    """Curves of some rods at given coordinates, NaN behind the end of their motion."""
 
-    Parameters
-    ----------
-    along : Along
-        The coordinate.
-    coordinates : ndarray, shape (place,)
-        In ascending order, m or s.
-    values : ndarray, shape (6, run, place)
-        u and v, m s-1, L and s, m, the depth of the nose, m, and the time, s.
-    """
-
-    along: Along
-    coordinates: FloatArray
+    along: Along  # the coordinate
+    coordinates: FloatArray  # (place,): in ascending order, m or s
+    # (6, run, place): u and v, m s-1, L and s, m, the depth of the nose, m, and the time, s.
     values: FloatArray
 
     @classmethod

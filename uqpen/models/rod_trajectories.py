@@ -24,8 +24,6 @@ from uqpen.models.rod_motion import (
     make_rods,
 )
 
-__all__ = ["RigidPenetrationTrajectory", "RodTrajectories", "WalkerAndersonTrajectory"]
-
 # Rods that are followed together, so that their slopes stay in the processor's cache.
 _TOGETHER = 1024
 
@@ -55,26 +53,18 @@ class RodTrajectories(RodModel):
     The velocities of its nose and tail, its length, the extent of plastic flow in it, and the depth
     of its nose or the time, end where the rod comes to rest. The depth and the time at which it
     rests are numbers.
-
-    Parameters
-    ----------
-    along : str
-        ``"time"``, ``"depth"`` or ``"time and depth"``. The names of the curves by depth end in
-        ``_at_depth``.
-    duration : float or str
-        The last time since impact, in seconds, or a text such as ``"2 ms"``.
-    times : int
-        Number of times, evenly from impact.
-    depth_limit : float or str
-        The last depth of the nose, in metres, or a text such as ``"1 m"``.
-    depths : int
-        Number of depths, evenly from the surface.
     """
 
+    # ``"time"``, ``"depth"`` or ``"time and depth"``. The names of the curves by depth end in
+    # ``_at_depth``.
     along: str = choice("time", "depth", "time and depth", default="time")
+    # The last time since impact, in seconds, or a text such as ``"2 ms"``.
     duration: float = quantity(unit="s", above=0, default=2e-3)
+    # Number of times, evenly from impact.
     times: int = count(minimum=2, maximum=100_000, default=201)
+    # The last depth of the nose, in metres, or a text such as ``"1 m"``.
     depth_limit: float = quantity(unit="m", above=0, default=1.0)
+    # Number of depths, evenly from the surface.
     depths: int = count(minimum=2, maximum=100_000, default=201)
     outputs: tuple[Output, ...] = field(init=False, repr=False, compare=False)
 

@@ -15,18 +15,6 @@ from uqpen.core.model import Dimension, Output
 from uqpen.core.status import Status
 from uqpen.core.units import are_convertible, scale
 
-__all__ = [
-    "INTERPOLATIONS",
-    "NO_INTERPOLATION",
-    "FieldSources",
-    "RunGrid",
-    "UnusableOutputError",
-    "dimension_names",
-    "extract_outputs",
-    "in_declared_order",
-]
-
-
 # Programs print their coordinates with a few digits. So a run's grid may end before the declared
 # one, or differ from it, by this part of the whole length.
 _ROUNDING = 1e-6
@@ -42,20 +30,13 @@ class UnusableOutputError(Exception):
 
 @dataclass(frozen=True)
 class RunGrid:
-    """Grid on which every run has an output in its own way.
+    """Grid on which every run has an output in its own way."""
 
-    Parameters
-    ----------
-    names : mapping of str to str
-        By dimension of the output, the name under which a run returns its own coordinates.
-    units : mapping of str to str
-        By dimension, the unit in which it does; else the one in which the dimension is declared.
-    interpolation : str
-        One of `INTERPOLATIONS`, or `NO_INTERPOLATION`: the run's grid has to be the declared one.
-    """
-
+    # By dimension of the output, the name under which a run returns its own coordinates.
     names: Mapping[str, str]
+    # By dimension, the unit in which it does; else the one in which the dimension is declared.
     units: Mapping[str, str] = field(default_factory=dict)
+    # One of `INTERPOLATIONS`, or `NO_INTERPOLATION`: the run's grid has to be the declared one.
     interpolation: str = "linear"
 
     def interpolate(
@@ -192,18 +173,11 @@ NO_INTERPOLATION = "none"
 
 @dataclass(frozen=True)
 class FieldSources:
-    """Sources of the fields of a model, beside its runs.
+    """Sources of the fields of a model, beside its runs."""
 
-    Parameters
-    ----------
-    grids : mapping of str to RunGrid
-        By output, the grid on which every run has it.
-    files : tuple of FileSnapshot
-        The files with coordinates of dimensions.
-    """
-
+    # By output, the grid on which every run has it.
     grids: Mapping[str, RunGrid] = field(default_factory=dict)
-    files: tuple[FileSnapshot, ...] = ()
+    files: tuple[FileSnapshot, ...] = ()  # the files with coordinates of dimensions
 
 
 # Labelled arrays that a model returns, put into the declared order by their labels.

@@ -11,8 +11,6 @@ from pathlib import Path
 from uqpen.core.model import Model
 from uqpen.core.settings import declared_settings
 
-__all__ = ["BuiltInModel", "source_sha256"]
-
 _PACKAGE = "uqpen.models"
 _FOLDER = Path(__file__).parent
 

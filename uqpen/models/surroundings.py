@@ -26,8 +26,6 @@ from uqpen.models.installed import (
 from uqpen.models.observation import relative_name
 from uqpen.models.user_code import changed_file_error
 
-__all__ = ["MODEL_MODULE", "ModelFolder"]
-
 # Begins the names of modules that are loaded from a file that the study names.
 MODEL_MODULE = "uqpen_study_"
 

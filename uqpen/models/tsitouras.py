@@ -8,8 +8,6 @@ Tsitouras, Ch. (2011). Runge-Kutta pairs of order 5(4) satisfying only the first
 assumption. Comput. Math. Appl. 62, 770-775.
 """
 
-__all__ = ["ERROR", "SOLUTION", "STAGE_2", "STAGE_3", "STAGE_4", "STAGE_5", "STAGE_6"]
-
 STAGE_2 = (0.161,)
 STAGE_3 = (-0.008480655492356989, 0.335480655492357)
 STAGE_4 = (2.8971530571054935, -6.359448489975075, 4.3622954328695815)

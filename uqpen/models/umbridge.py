@@ -28,19 +28,6 @@ from uqpen.core.units import scale
 from uqpen.models.run_grid import FieldSources
 from uqpen.models.user_code import one_line
 
-__all__ = [
-    "PROTOCOL",
-    "Address",
-    "Deadline",
-    "NoAnswerError",
-    "TooLongError",
-    "UmbridgeClient",
-    "UmbridgeModel",
-    "VectorSizes",
-    "request_sizes",
-    "timed_response",
-]
-
 # HTTP responses that must be complete before a deadline, however slowly their bytes arrive.
 
 
@@ -317,35 +304,18 @@ class VectorSizes:
 
 @dataclass(frozen=True)
 class UmbridgeModel(Model):
-    """Model on a UM-Bridge server; its inputs and outputs fill the server's vectors in their order.
+    """Model on a UM-Bridge server; its inputs and outputs fill the server's vectors in order."""
 
-    Parameters
-    ----------
-    name : str
-        Its name on the server.
-    address : Address
-        Address of the server; results do not depend on it.
-    units : mapping of str to str
-        The unit that the server takes each input and gives each output in.
-    sizes : VectorSizes or None
-        Division of inputs and outputs into vectors; None if no request is to be made.
-    config : str
-        Content of every request in addition to the inputs, as a JSON object.
-    time_limit : float, optional
-        Time limit of a run, in seconds.
-    fields : FieldSources
-        The files with coordinates.
-    """
-
-    name: str
-    address: Address
+    name: str  # its name on the server
+    address: Address  # address of the server; results do not depend on it
     inputs: tuple[Input, ...]
     outputs: tuple[Output, ...]
-    units: Mapping[str, str]
+    units: Mapping[str, str]  # the unit that the server takes each input and gives each output in
+    # Division of inputs and outputs into vectors; None if no request is to be made.
     sizes: VectorSizes | None
-    config: str = "{}"
-    time_limit: float | None = None
-    fields: FieldSources = field(default=FieldSources(), repr=False)
+    config: str = "{}"  # content of every request in addition to the inputs, as a JSON object
+    time_limit: float | None = None  # time limit of a run, in seconds
+    fields: FieldSources = field(default=FieldSources(), repr=False)  # the files with coordinates
 
     vectorized = False
 

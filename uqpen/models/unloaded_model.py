@@ -8,26 +8,15 @@ from uqpen.core.arrays import Arrays
 from uqpen.core.errors import ModelError
 from uqpen.core.model import Input, Model, Output, Results
 
-__all__ = ["UnloadedModel"]
-
 
 @dataclass(frozen=True)
 class UnloadedModel(Model):
-    """Model of an archive whose runs are known, but which cannot be run here.
+    """Model of an archive whose runs are known, but which cannot be run here."""
 
-    Parameters
-    ----------
-    name : str
-        The reference that the study names.
-    inputs, outputs : tuple
-        The variables that the archive contains.
-    is_absent : bool
-        True for an object of another process, False for a class that is not trusted.
-    """
-
-    name: str
-    inputs: tuple[Input, ...]
+    name: str  # the reference that the study names
+    inputs: tuple[Input, ...]  # with outputs: the variables that the archive contains
     outputs: tuple[Output, ...]
+    # True for an object of another process, False for a class that is not trusted.
     is_absent: bool = False
 
     def evaluate(self, inputs: Arrays) -> Results:

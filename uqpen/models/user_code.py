@@ -12,17 +12,6 @@ from typing import Any
 from uqpen.core.errors import ModelError
 from uqpen.core.interrupts import is_user_interrupt
 
-__all__ = [
-    "changed_file_error",
-    "changed_variable_error",
-    "check_signature",
-    "ending_forks",
-    "error_text",
-    "one_line",
-    "pickle_by_value",
-    "restore_streams",
-]
-
 # Texts of failures of a model: the reason of a run, and files that changed meanwhile.
 
 _LONGEST_REASON = 200

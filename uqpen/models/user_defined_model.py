@@ -39,9 +39,6 @@ from uqpen.models.user_module import line_in_folder, load_module
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["UserDefinedModel", "UserModel", "batch_results"]
-
-
 Answer = TypeVar("Answer")
 
 
@@ -133,29 +130,17 @@ def batch_results(
 
 @dataclass(frozen=True)
 class UserDefinedModel(UserModel):
-    """Model whose class is not one of the package's; its failures are data of its runs.
+    """Model whose class is not one of the package's; its failures are data of its runs."""
 
-    Parameters
-    ----------
-    model : Model
-        The model itself.
-    reference : str
-        ``"file.py:Class"`` or ``"package.module:Class"``, or a name for display.
-    surroundings : ModelFolder, optional
-        The folder that the model must be called in; a hash of its source identifies the version.
-    source : FunctionSource, optional
-        Source of a class that is an object of this process, without a file to load it from.
-    observed : Dependencies
-        Record of what the runs of a model without such a folder depend on.
-    """
-
-    model: Model
-    reference: str
+    model: Model  # the model itself
+    reference: str  # ``"file.py:Class"`` or ``"package.module:Class"``, or a name for display
+    # The folder that the model must be called in; a hash of its source identifies the version.
     surroundings: ModelFolder | None = field(default=None, repr=False, compare=False)
+    # Source of a class that is an object of this process, without a file to load it from.
     source: FunctionSource | None = field(default=None, repr=False)
     observed: Dependencies = field(
         default_factory=partial(Dependencies, Path()), repr=False, compare=False
-    )
+    )  # record of what the runs of a model without such a folder depend on
     name: str = field(init=False)
     inputs: tuple[Input, ...] = field(init=False)
     outputs: tuple[Output, ...] = field(init=False)

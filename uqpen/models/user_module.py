@@ -22,18 +22,6 @@ from uqpen.models.function_source import FunctionSource
 from uqpen.models.surroundings import MODEL_MODULE, ModelFolder
 from uqpen.models.user_code import error_text, one_line
 
-__all__ = [
-    "FunctionFamily",
-    "UserDefinedFunction",
-    "failure_text",
-    "find_function",
-    "line_in_folder",
-    "line_in_function",
-    "load_function",
-    "load_module",
-    "module_coordinates",
-]
-
 
 def load_function(reference: str, folder: Path) -> tuple[Callable[..., Any], ModelFolder]:
     """Load the function of ``"file.py:function"`` or ``"package.module:function"``.
@@ -190,24 +178,13 @@ def _line_text(name: str, number: int, source: bytes) -> str:
 
 @dataclass(frozen=True)
 class UserDefinedFunction:
-    """User-defined function that this process calls.
+    """User-defined function that this process calls."""
 
-    Parameters
-    ----------
-    reference : str
-        The file, module or package and the function, as its user has named it.
-    function : callable
-        The function itself.
-    surroundings : ModelFolder, optional
-        The context in which the function must be called.
-    error : type
-        Class of the error that its failures become.
-    """
-
-    reference: str
-    function: Callable[..., Any] = field(compare=False)
+    reference: str  # the file, module or package and the function, as its user has named it
+    function: Callable[..., Any] = field(compare=False)  # the function itself
+    # The context in which the function must be called.
     surroundings: ModelFolder | None = field(default=None, repr=False, compare=False)
-    error: type[UqpenError] = ModelError
+    error: type[UqpenError] = ModelError  # class of the error that its failures become
 
     @property
     def title(self) -> str:
@@ -248,27 +225,13 @@ class UserDefinedFunction:
 
 
 class FunctionFamily(NamedTuple):
-    """Family of functions to which others can be added without touching the package.
+    """Family of functions to which others can be added without touching the package."""
 
-    Attributes
-    ----------
-    members : mapping of str to str
-        The built-in members, by name, with their references.
-    group : str
-        The entry points with which installed packages add members.
-    what : str
-        A member, for a message.
-    form : str
-        A reference to a function of the user's, for a message.
-    error : type
-        Class of the errors of such functions.
-    """
-
-    members: Mapping[str, str]
-    group: str
-    what: str
-    form: str
-    error: type[UqpenError]
+    members: Mapping[str, str]  # the built-in members, by name, with their references
+    group: str  # the entry points with which installed packages add members
+    what: str  # A member, for a message
+    form: str  # A reference to a function of the user's, for a message
+    error: type[UqpenError]  # class of the errors of such functions
 
     def find(self, named: str | Callable[..., Any], folder: Path) -> UserDefinedFunction:
         """Return the function with a name or a reference, or a function itself.

@@ -26,8 +26,6 @@ from uqpen.models.rod_and_target import RodModel, Termination, sound_speed
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["DEFAULT_TOLERANCE", "WalkerAnderson", "erode"]
-
 # The largest errors in 40 000 draws of the report's Table 3.1 are then 1.9e-7 in the residue and
 # 9e-8 in the depth.
 DEFAULT_TOLERANCE = 1e-6

@@ -27,8 +27,6 @@ from uqpen.models.walker_anderson import DEFAULT_TOLERANCE, WalkerAnderson
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["WalkerAndersonDruckerPrager", "effective_yield_limit", "plastic_extent"]
-
 _TARGET = (
     Input(
         "zero_pressure_yield_limit",

@@ -11,8 +11,6 @@ from uqpen.core.model import Category, Output
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.core.variables import DerivedOutput, Reduction
 
-__all__ = ["CoordinateReduction", "Occurrence", "along", "derived_outputs"]
-
 # Dimensions of a field in words, and the coordinate of a curve as the number of a run.
 
 
@@ -46,15 +44,9 @@ _OCCURS = "_occurs"
 
 @dataclass(frozen=True)
 class Occurrence(Reduction):
-    """Category of a run: whether another reduction finds a number in it.
+    """Category of a run: whether another reduction finds a number in it."""
 
-    Parameters
-    ----------
-    of : Reduction
-        The other one.
-    """
-
-    of: Reduction
+    of: Reduction  # the other one
 
     def unit(self, field: Output) -> str:
         return DIMENSIONLESS

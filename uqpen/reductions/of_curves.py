@@ -14,8 +14,6 @@ from uqpen.core.settings import quantity, validate
 from uqpen.core.variables import Reduction
 from uqpen.reductions.derived import CoordinateReduction, along
 
-__all__ = ["First", "FirstAbove", "FirstBelow", "Last", "TotalVariation"]
-
 # First place of a curve above or below a value, such as the time of a failure.
 
 

@@ -14,8 +14,6 @@ from uqpen.core.units import DIMENSIONLESS, are_convertible, product, scale
 from uqpen.core.variables import Reduction
 from uqpen.reductions.derived import CoordinateReduction, along
 
-__all__ = ["At", "Integral", "Maximum", "Mean", "Minimum", "PlaceOfMaximum", "PlaceOfMinimum"]
-
 # Largest and smallest values of a field, and where on a curve they are.
 
 
@@ -136,14 +134,9 @@ def _trapezoid(values: FloatArray, coordinates: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class At(Reduction):
-    """Value at one place, linear between neighbouring coordinates.
+    """Value at one place, linear between neighbouring coordinates."""
 
-    Parameters
-    ----------
-    places : tuple of tuple
-        The name of each dimension of the field with a coordinate in its SI unit.
-    """
-
+    # The name of each dimension of the field with a coordinate in its SI unit.
     places: tuple[tuple[str, float], ...]
 
     def mistakes(self, field: Output) -> Iterator[tuple[str, str]]:

@@ -23,8 +23,6 @@ from uqpen.results.table import (
 )
 from uqpen.statistics.estimate import LEVEL
 
-__all__ = ["coverage_tables", "rehearsal_heading", "rehearsal_json", "width_tables"]
-
 # Share of the repeats with an interval from which on no word is said.
 _NEARLY_ALL = 0.995
 # Half-width of the truth's own interval, in parts of the median half-width, that needs a word.

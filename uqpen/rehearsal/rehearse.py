@@ -45,23 +45,6 @@ from uqpen.statistics.intervals import clopper_pearson
 from uqpen.statistics.running_estimates import RunningEstimates
 from uqpen.study.study import ONLY_MODEL, ValidatedStudy
 
-__all__ = [
-    "FEWEST_REPEATS",
-    "MOST_REPEATS",
-    "MOST_RUNS",
-    "SECONDS",
-    "RehearsalSettings",
-    "Repeat",
-    "RepeatRecord",
-    "RepeatWork",
-    "SufficientRuns",
-    "make_repeats",
-    "rehearsal_dataset",
-    "rehearse",
-    "rehearsed_statistics",
-    "sufficient_runs",
-]
-
 # With 1 000 repeats, a coverage of 95 % has a standard error of 0.7 points; with 200, of 1.5.
 MOST_REPEATS, FEWEST_REPEATS = 1000, 200
 
@@ -76,22 +59,13 @@ _FEWEST_COMPARED = 8
 
 @dataclass(frozen=True)
 class RehearsalSettings:
-    """Settings of a rehearsal.
+    """Settings of a rehearsal."""
 
-    Parameters
-    ----------
-    repeats : int, optional
-        Number of repeats; by default as many as take about `SECONDS`, from `FEWEST_REPEATS` to
-        `MOST_REPEATS`.
-    runs : int, optional
-        Largest number of runs of the designs that are compared at equal runs.
-    draws : int
-        Number of draws of the surrogate for its true statistics, a power of two.
-    """
-
+    # Number of repeats; by default as many as take about `SECONDS`, from `FEWEST_REPEATS` to
+    # `MOST_REPEATS`.
     repeats: int | None = None
-    runs: int | None = None
-    draws: int = 2**18
+    runs: int | None = None  # largest number of runs of the designs that are compared at equal runs
+    draws: int = 2**18  # number of draws of the surrogate for its true statistics, a power of two
 
     def __post_init__(self) -> None:
         fewest = {"repeats": _FEWEST_STATED, "runs": _FEWEST_COMPARED}
@@ -119,20 +93,11 @@ _REPEATS = 15
 
 
 class SufficientRuns(NamedTuple):
-    """Number of runs of a design after which an interval is as narrow as wanted.
+    """Number of runs of a design after which an interval is as narrow as wanted."""
 
-    Attributes
-    ----------
-    target : str
-        The wanted half-width in words.
-    design : str
-        The name of the design.
-    runs : int or None
-        A power of two, or the most that the design makes of it; None where `MOST_RUNS` are too few.
-    """
-
-    target: str
-    design: str
+    target: str  # the wanted half-width in words
+    design: str  # the name of the design
+    # A power of two, or the most that the design makes of it; None where `MOST_RUNS` are too few.
     runs: int | None
 
 
@@ -195,36 +160,20 @@ _REPEAT, _RUNS, _ESTIMATES = "repeat", "runs", "estimates"
 
 @dataclass(frozen=True)
 class Repeat:
-    """Estimates of one repeat of a study.
+    """Estimates of one repeat of a study."""
 
-    Parameters
-    ----------
-    number : int
-        Its number, from 0.
-    runs : ndarray, shape (source,)
-        Number of runs of each source.
-    estimates : ndarray, shape (source, entry, bound)
-        In SI units, the entries of all statistics one after the other; NaN for none.
-    """
-
-    number: int
-    runs: FloatArray
+    number: int  # its number, from 0
+    runs: FloatArray  # (source,): number of runs of each source
+    # (source, entry, bound): in SI units, the entries of all statistics one after the other; NaN
+    # for none.
     estimates: FloatArray
 
 
 @dataclass(frozen=True)
 class RepeatWork:
-    """Work of an executor: repeats of a study by all its sources.
+    """Work of an executor: repeats of a study by all its sources."""
 
-    Parameters
-    ----------
-    study : ValidatedStudy
-        Of a single model, which costs next to nothing.
-    sources : tuple of RehearsedSource
-    statistics : tuple of BenchmarkStatistic
-    """
-
-    study: ValidatedStudy
+    study: ValidatedStudy  # of a single model, which costs next to nothing
     sources: tuple[RehearsedSource, ...]
     statistics: tuple[BenchmarkStatistic, ...]
     limits: Limits = Limits()
@@ -277,20 +226,11 @@ _ALLOWED = 0.03
 
 @dataclass(frozen=True)
 class RepeatRecord:
-    """Estimates along repeat, source, entry and bound.
+    """Estimates along repeat, source, entry and bound."""
 
-    Parameters
-    ----------
-    estimates : ndarray, shape (repeat, source, entry, bound)
-        In SI units; NaN where there is none.
-    run_counts : ndarray, shape (repeat, source)
-        Number of runs.
-    truth : ndarray, shape (entry, bound)
-        The true values; their bounds are of a sample, and NaN where they are exact.
-    """
-
-    estimates: FloatArray
-    run_counts: FloatArray
+    estimates: FloatArray  # (repeat, source, entry, bound): in SI units; NaN where there is none
+    run_counts: FloatArray  # (repeat, source): number of runs
+    # (entry, bound): the true values; their bounds are of a sample, and NaN where they are exact.
     truth: FloatArray
 
     @classmethod

@@ -51,22 +51,6 @@ from uqpen.surrogates.fitted_surrogate import FittedSurrogate
 from uqpen.verification.archived_study import restored_study, study_surrogate
 from uqpen.workflow import run_design
 
-__all__ = [
-    "RehearsedSource",
-    "RehearsedStudy",
-    "equal_runs",
-    "is_drawn",
-    "large_sample",
-    "ok_values",
-    "open_rehearsed",
-    "run_estimates",
-    "run_once",
-    "study_sources",
-    "surrogate_truth",
-    "tail_record",
-    "tail_shares",
-]
-
 # Sources of a rehearsal: the designs of a study, as they stand and at equal numbers of runs.
 
 _DRAWN = (Sampling.INDEPENDENT, Sampling.STRATIFIED, Sampling.PICK_FREEZE)
@@ -74,21 +58,11 @@ _DRAWN = (Sampling.INDEPENDENT, Sampling.STRATIFIED, Sampling.PICK_FREEZE)
 
 @dataclass(frozen=True)
 class RehearsedSource:
-    """Source of estimates that is repeated with fresh random numbers.
+    """Source of estimates that is repeated with fresh random numbers."""
 
-    Parameters
-    ----------
-    name : str
-        The name of its design in the study.
-    size : str
-        `STATED` or `EQUAL`.
-    design : Design
-        The design of its runs.
-    """
-
-    name: str
-    size: str
-    design: Design
+    name: str  # the name of its design in the study
+    size: str  # `STATED` or `EQUAL`
+    design: Design  # the design of its runs
 
     def estimates(self, study: ValidatedStudy, repeat: int) -> tuple[int, Estimates]:
         """Return the number of runs and the estimates of one repeat.
@@ -153,27 +127,14 @@ def is_drawn(design: Design) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class RehearsedStudy:
-    """A study, and a surrogate in place of its model.
+    """A study, and a surrogate in place of its model."""
 
-    Parameters
-    ----------
-    original : ValidatedStudy
-        The study as it is.
-    model : str
-        The name of the model.
-    surrogate : FittedSurrogate
-        Fitted to runs of that model.
-    runs : mapping of str to Dataset
-        The study's own runs of that model, by design.
-    refuted : mapping of str to str
-        The outputs whose predictions its runs refute, each with the reason. They are not
-        rehearsed: where it is no model of the output, it says nothing of the study.
-    """
-
-    original: ValidatedStudy
-    model: str
-    surrogate: FittedSurrogate
-    runs: Mapping[str, xr.Dataset]
+    original: ValidatedStudy  # the study as it is
+    model: str  # the name of the model
+    surrogate: FittedSurrogate  # fitted to runs of that model
+    runs: Mapping[str, xr.Dataset]  # the study's own runs of that model, by design
+    # The outputs whose predictions its runs refute, each with the reason. They are not rehearsed:
+    # where it is no model of the output, it says nothing of the study.
     refuted: Mapping[str, str] = field(default_factory=dict)
 
     @property

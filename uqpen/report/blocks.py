@@ -10,26 +10,6 @@ from uqpen.charts.chart import Block, Chart, Charts, PlottedQuantity
 from uqpen.charts.marks import Numbers
 from uqpen.results.table import OutputTable
 
-__all__ = [
-    "Alert",
-    "Alerts",
-    "Columns",
-    "Finding",
-    "Findings",
-    "Fold",
-    "Heading",
-    "Listing",
-    "Quote",
-    "Remarks",
-    "RunColumn",
-    "RunExplorer",
-    "Table",
-    "Text",
-    "find_charts",
-    "find_explorers",
-    "flattened",
-]
-
 
 @dataclass(frozen=True)
 class Heading(Block):
@@ -111,27 +91,17 @@ class Table(Block):
 
 @dataclass(frozen=True)
 class RunColumn:
-    """An input or an output of all runs that are drawn.
-
-    Attributes
-    ----------
-    values : array_like of float
-        Of the completed runs; of a categorical output, places near the row of each category.
-    failed : array_like of float
-        Likewise of the failed runs; empty of an output.
-    rows : tuple of str
-        The categories, in the order of their rows; empty of a number.
-    is_logarithmic : bool
-        True for an output that is shown by its logarithm, which all values have.
-    """
+    """An input or an output of all runs that are drawn."""
 
     quantity: PlottedQuantity
     label: str
     unit: str  # as the page shows it; empty without one
     is_input: bool
+    # Of the completed runs; of a categorical output, places near the row of each category.
     values: Numbers
-    failed: Numbers = ()
-    rows: tuple[str, ...] = ()
+    failed: Numbers = ()  # likewise of the failed runs; empty of an output
+    rows: tuple[str, ...] = ()  # the categories, in the order of their rows; empty of a number
+    # True for an output that is shown by its logarithm, which all values have.
     is_logarithmic: bool = False
 
 

@@ -33,25 +33,6 @@ from uqpen.results.method_comparison import MethodComparison
 from uqpen.results.texts import plain_text
 from uqpen.study import SECTIONS as STUDY_SECTIONS
 
-__all__ = [
-    "OUTLINES",
-    "STROKES",
-    "FilledSection",
-    "PageHead",
-    "SectionFunction",
-    "UserDefinedSection",
-    "block_anchors",
-    "colour_name",
-    "find_sections",
-    "page_heading",
-    "page_reference",
-    "render_page",
-    "report_page",
-    "write_page",
-    "write_report",
-]
-
-
 # Head of a page: its title, the facts below it, and the reference that copied texts carry.
 
 # Most characters of a title, or of another text at the head.
@@ -253,18 +234,10 @@ _SECTION = FunctionFamily(
 
 
 class UserDefinedSection(NamedTuple):
-    """User-defined section.
+    """User-defined section."""
 
-    Attributes
-    ----------
-    name : str
-        The name that links have.
-    function : UserDefinedFunction
-        Takes an `ArchiveView`, and yields blocks.
-    """
-
-    name: str
-    function: UserDefinedFunction
+    name: str  # the name that links have
+    function: UserDefinedFunction  # takes an `ArchiveView`, and yields blocks
 
     @property
     def section(self) -> ReportSection:

@@ -34,8 +34,6 @@ from uqpen.report.blocks import RunColumn, RunExplorer
 from uqpen.results.digits import estimate_text, number_text
 from uqpen.results.texts import plain_text
 
-__all__ = ["charts_json", "shapes", "traces"]
-
 # A mark in Plotly's form: a trace, or a shape behind the traces.
 Trace = dict[str, Any]
 

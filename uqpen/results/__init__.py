@@ -8,24 +8,13 @@ __all__ = ["TABLE_FORMATS", "TableFormat"]
 
 
 class TableFormat(NamedTuple):
-    """Format of a table for other programs, which is also the ending of its files.
+    """Format of a table for other programs, which is also the ending of its files."""
 
-    Parameters
-    ----------
-    function : str
-        Reference. It takes consecutive parts of a table, and yields the content of a file.
-    title : str
-        Its name.
-    help : str
-        Of the option of the command line.
-    needs_file : bool
-        True if it is no text, so that standard output does not take it.
-    """
-
+    # Reference. It takes consecutive parts of a table, and yields the content of a file.
     function: str
-    title: str
-    help: str
-    needs_file: bool = False
+    title: str  # its name
+    help: str  # of the option of the command line
+    needs_file: bool = False  # true if it is no text, so that standard output does not take it
 
 
 # By the names of their options; the first is the default.

@@ -34,17 +34,6 @@ from uqpen.execution import status_counts
 from uqpen.results.digits import estimate_text, grouped_number, percent_text
 from uqpen.results.table import NOTHING, OutputTable
 
-__all__ = [
-    "Acceptance",
-    "AcceptanceVerdict",
-    "StatedDecision",
-    "acceptance_json",
-    "add_verdicts",
-    "stopping_text",
-    "unseen_text",
-]
-
-
 # Verdicts on probabilities: whether an interval lies within the acceptance limits of a study.
 
 
@@ -65,19 +54,11 @@ class AcceptanceVerdict(StrEnum):
 
 @dataclass(frozen=True)
 class Acceptance:
-    """Accepted probabilities, and the verdict on an estimate.
+    """Accepted probabilities, and the verdict on an estimate."""
 
-    Parameters
-    ----------
-    at_least, at_most : float
-        The limits; 0 and 1 where the study states none.
-    verdict : AcceptanceVerdict
-        Whether the estimate meets them.
-    """
-
-    at_least: float
+    at_least: float  # with at_most: the limits; 0 and 1 where the study states none
     at_most: float
-    verdict: AcceptanceVerdict
+    verdict: AcceptanceVerdict  # whether the estimate meets them
 
     @classmethod
     def from_array(cls, array: xr.DataArray) -> Acceptance | None:
@@ -172,21 +153,13 @@ def unseen_text(runs: xr.Dataset) -> str:
 
 @dataclass(frozen=True)
 class StatedDecision:
-    """Decision on a claim, as an archive states it.
+    """Decision on a claim, as an archive states it."""
 
-    Parameters
-    ----------
-    claim, verdict : str
-        The claim; ``"held"``, ``"not held"`` or ``"undecided"``.
-    runs : int
-        Number of runs after which it was decided.
-    probability, lower, upper : float
-        Share of the completed runs with the event, and the interval of its probability.
-    """
-
-    claim: str
+    claim: str  # with verdict: the claim; ``"held"``, ``"not held"`` or ``"undecided"``
     verdict: str
-    runs: int
+    runs: int  # number of runs after which it was decided
+    # With lower, upper: share of the completed runs with the event, and the interval of its
+    # probability.
     probability: float
     lower: float
     upper: float

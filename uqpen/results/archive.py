@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from uqpen.surrogates.archived_surrogate import ArchivedSurrogate
     from uqpen.surrogates.surrogate import Surrogate
 
-__all__ = ["Archive", "archive_html", "open_archive"]
-
 # More outputs than these are counted.
 _MOST_OUTPUTS = 6
 

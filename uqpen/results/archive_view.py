@@ -30,31 +30,13 @@ from uqpen.results.texts import title_with_name, title_with_unit, unit_suffix
 from uqpen.statistics.convergence import reason_without_parts
 from uqpen.statistics.run_samples import input_sample
 
-__all__ = [
-    "ArchiveView",
-    "DesignView",
-    "is_logarithmic",
-    "linear_scale_note",
-    "output_heading",
-    "output_title",
-    "select_view",
-]
-
 
 @dataclass(frozen=True)
 class DesignView:
-    """The runs of one design.
+    """The runs of one design."""
 
-    Parameters
-    ----------
-    tree : DataTree
-        The groups of the model.
-    design : str
-        The name of the design.
-    """
-
-    tree: xr.DataTree
-    design: str
+    tree: xr.DataTree  # the groups of the model
+    design: str  # the name of the design
 
     @property
     def _archived(self) -> xr.Dataset:
@@ -182,21 +164,11 @@ def _completed_values(
 
 @dataclass(frozen=True)
 class ArchiveView:
-    """The part of an archive that is drawn.
+    """The part of an archive that is drawn."""
 
-    Parameters
-    ----------
-    archive : DataTree
-        The whole.
-    model : str
-        Which of several models; empty of a single one.
-    output, source : str or None
-        The selected ones; None for those that suit the figure.
-    """
-
-    archive: xr.DataTree
-    model: str
-    output: str | None = None
+    archive: xr.DataTree  # the whole
+    model: str  # which of several models; empty of a single one
+    output: str | None = None  # with source: the selected ones; None for those that suit the figure
     source: str | None = None
 
     @cached_property

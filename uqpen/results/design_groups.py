@@ -21,8 +21,6 @@ from uqpen.results.table import (
     label_with_unit,
 )
 
-__all__ = ["design_json", "group_tables"]
-
 
 def group_tables(tree: xr.DataTree, *, is_of_model: bool) -> Iterator[OutputTable]:
     """Yield the tables of the groups of a model, or of an archive, in the order of their ranks."""

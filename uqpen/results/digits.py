@@ -6,25 +6,6 @@ import math
 import re
 from decimal import ROUND_CEILING, Decimal, InvalidOperation
 
-__all__ = [
-    "MINUS",
-    "SUPERSCRIPTS",
-    "count_text",
-    "estimate_text",
-    "estimate_texts",
-    "grouped_number",
-    "lower_tolerance_limit_text",
-    "number_text",
-    "percent_text",
-    "percent_texts",
-    "range_text",
-    "tolerance_interval_texts",
-    "tolerance_limit_text",
-    "typeset_minus",
-    "typeset_unit",
-    "with_half_width",
-]
-
 MINUS = "−"
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _PLAIN = {superscript: plain for plain, superscript in SUPERSCRIPTS.items()}

@@ -16,9 +16,6 @@ from uqpen.results import TABLE_FORMATS
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["csv_content", "json_content", "parquet_content", "table_content"]
-
-
 # A spreadsheet takes a text that begins so as a formula, which may start programs.
 _BEFORE_FORMULAS = ("=", "+", "-", "@", "\t", "\r")
 _QUANTITY = re.compile(rf"(?:{NUMBER})(?: [^=|!(]*)?")

@@ -32,17 +32,6 @@ from uqpen.results.digits import number_text
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.table import OutputTable, estimate_json, json_value, label_with_unit, shown_unit
 
-__all__ = [
-    "FailedRuns",
-    "common_reasons",
-    "failed_runs",
-    "failure_causes",
-    "failure_json",
-    "failure_tables",
-    "has_failed_design",
-    "record_causes",
-]
-
 # Reasons that differ in their numbers alone and stay apart, at the most: there are few exit codes.
 _MOST_APART = 3
 
@@ -66,27 +55,13 @@ _PROBABILITIES = {
 
 
 class FailedRuns(NamedTuple):
-    """Runs that failed for one reason, or for many that differ in their numbers alone.
+    """Runs that failed for one reason, or for many that differ in their numbers alone."""
 
-    Attributes
-    ----------
-    status : Status
-        What became of the runs.
-    reason : str
-        With ``#`` for each number, where many reasons differ in their numbers alone.
-    runs : int
-        How many they are.
-    example : str
-        The reason of the first of them; empty where that is `reason`.
-    design : str
-        The only design that they are of; empty for several.
-    """
-
-    status: Status
-    reason: str
-    runs: int
-    example: str = ""
-    design: str = ""
+    status: Status  # what became of the runs
+    reason: str  # with ``#`` for each number, where many reasons differ in their numbers alone
+    runs: int  # how many they are
+    example: str = ""  # the reason of the first of them; empty where that is `reason`
+    design: str = ""  # the only design that they are of; empty for several
 
     @property
     def text(self) -> str:

@@ -37,20 +37,6 @@ from uqpen.results.table import (
     shown_unit,
 )
 
-__all__ = [
-    "CurveEstimates",
-    "FieldPlace",
-    "curve_tables",
-    "curves",
-    "derived_lines",
-    "field_lines",
-    "field_tables",
-    "find_place",
-    "place_option",
-    "select_output",
-]
-
-
 # Fields of a model with a table of their own: the screen of a study with hundreds stays short.
 _MOST_CURVES = 3
 
@@ -213,21 +199,12 @@ def curves(view: ArchiveView) -> list[str]:
 
 @dataclass(frozen=True)
 class CurveEstimates:
-    """Estimates of an output along one dimension.
+    """Estimates of an output along one dimension."""
 
-    Parameters
-    ----------
-    view : ArchiveView
-        The part of an archive on one model.
-    output, source : str
-        The curve, and the design or surrogate whose estimates they are.
-    most_places : int, optional
-        Places at the most, evenly spread over the curve; all of them by default.
-    """
-
-    view: ArchiveView
-    output: str
+    view: ArchiveView  # the part of an archive on one model
+    output: str  # with source: the curve, and the design or surrogate whose estimates they are
     source: str
+    # Places at the most, evenly spread over the curve; all of them by default.
     most_places: int | None = None
 
     @cached_property
@@ -325,21 +302,11 @@ class CurveEstimates:
 
 
 class FieldPlace(NamedTuple):
-    """A coordinate along a dimension of a field.
+    """A coordinate along a dimension of a field."""
 
-    Attributes
-    ----------
-    dimension : str
-        The dimension.
-    position : int
-        The position among the coordinates.
-    remark : str
-        Sentence on a place that is not where it was asked for; else empty.
-    """
-
-    dimension: str
-    position: int
-    remark: str
+    dimension: str  # the dimension
+    position: int  # the position among the coordinates
+    remark: str  # sentence on a place that is not where it was asked for; else empty
 
 
 def find_place(field: xr.DataArray, text: str) -> FieldPlace:

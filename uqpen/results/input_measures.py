@@ -37,35 +37,13 @@ from uqpen.results.table import (
 )
 from uqpen.results.texts import plain_text
 
-__all__ = [
-    "InputOrder",
-    "Ranking",
-    "VarianceTitles",
-    "best_ranking",
-    "generalized_table",
-    "index_titles",
-    "input_label",
-    "input_order",
-    "input_ranking",
-    "named_tables",
-    "sensitivity_json",
-    "without_arbitrary_zeros",
-]
-
-
 _ARBITRARY_ZERO = "no per cent, as the zero of {unit} is arbitrary"
 
 
 class VarianceTitles(NamedTuple):
-    """Titles, order and note of the indices of a model's inputs; dependent ones overlap.
+    """Titles, order and note of the indices of a model's inputs; dependent ones overlap."""
 
-    Attributes
-    ----------
-    is_dependent : bool
-        Whether the random inputs depend on each other.
-    """
-
-    is_dependent: bool
+    is_dependent: bool  # whether the random inputs depend on each other
 
     def title(self, of: str) -> str:
         """Return the title of indices of a variance, such as ``"its variance"``."""

@@ -15,25 +15,14 @@ from uqpen.results.acceptance import acceptance_json, add_verdicts
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.table import OutputTable, entries_json, estimate_json
 
-__all__ = ["Disagreement", "disagreements", "joint_json", "joint_tables"]
-
 
 class Disagreement(NamedTuple):
-    """Two designs whose estimates of a probability are not compatible.
+    """Two designs whose estimates of a probability are not compatible."""
 
-    Parameters
-    ----------
-    condition : str
-        The event.
-    first, second : str
-        Names of the designs; the first has an interval.
-    second_has_interval : bool
-        True if two intervals are disjoint, False if a value lies outside an interval.
-    """
-
-    condition: str
-    first: str
+    condition: str  # the event
+    first: str  # with second: names of the designs; the first has an interval
     second: str
+    # True if two intervals are disjoint, False if a value lies outside an interval.
     second_has_interval: bool
 
     def __str__(self) -> str:

@@ -43,8 +43,6 @@ from uqpen.results.table import (
     output_names,
 )
 
-__all__ = ["archive_identity", "archive_json"]
-
 # The statistics of an output that have no dimension.
 _SINGLE = tuple(each.name for each in CATALOGUE.values() if not each.dims)
 

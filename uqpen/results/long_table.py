@@ -43,18 +43,6 @@ from uqpen.results.acceptance import StatedDecision
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.table import label_with_unit
 
-__all__ = [
-    "designs_without_runs",
-    "estimate_rows",
-    "has_runs",
-    "long_table",
-    "rows_frame",
-    "run_table_parts",
-    "runs_table",
-    "statistics_rows",
-]
-
-
 _BEFORE = ("model", "source", "kind", "output", "statistic", "coordinates")
 # Numbers of entries whose labels are texts, such as a threshold as it was written.
 _NUMBERS_OF_ENTRIES = [

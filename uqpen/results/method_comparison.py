@@ -49,49 +49,17 @@ from uqpen.results.texts import join_names
 from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.intervals import clopper_pearson
 
-__all__ = [
-    "IS_DOUBTFUL",
-    "IS_LEVEL",
-    "LEGEND",
-    "WINS",
-    "ComparedEntry",
-    "ComparedMethod",
-    "MethodComparison",
-    "benchmark_json",
-    "entry_table",
-    "lowest_expected_coverage",
-    "methods_table",
-    "percentage_text",
-    "reference_remarks",
-    "replicated_verdicts",
-    "single_set_verdicts",
-    "standing_mark",
-    "standings_table",
-]
-
 
 class ComparedMethod(NamedTuple):
-    """A method of a benchmark.
+    """A method of a benchmark."""
 
-    Attributes
-    ----------
-    group : str
-        Name of its source in the archive.
-    source : str
-        The name of its design or surrogate in the study.
-    variants : sequence of str
-        The comparisons that it is in: of single sets of points, of replicated sets, or both.
-    series : int
-        Number of its colour and marker; the same for a design as one set and in replicates.
-    runs, replicates : sequence of int
-        At each budget; no runs where it takes no part.
-    """
-
-    group: str
-    source: str
+    group: str  # name of its source in the archive
+    source: str  # the name of its design or surrogate in the study
+    # The comparisons that it is in: of single sets of points, of replicated sets, or both.
     variants: Sequence[str]
+    # Number of its colour and marker; the same for a design as one set and in replicates.
     series: int
-    runs: Sequence[int]
+    runs: Sequence[int]  # with replicates: at each budget; no runs where it takes no part
     replicates: Sequence[int]
 
     @property
@@ -102,15 +70,9 @@ class ComparedMethod(NamedTuple):
 
 @dataclass(frozen=True)
 class MethodComparison:
-    """The methods of a benchmark, and what they are compared by.
+    """The methods of a benchmark, and what they are compared by."""
 
-    Parameters
-    ----------
-    view : ArchiveView
-        An archive of a benchmark of methods, or one output of it.
-    """
-
-    view: ArchiveView
+    view: ArchiveView  # an archive of a benchmark of methods, or one output of it
     # By group and name: to take an array out of its group takes its time.
     _arrays: dict[tuple[str, ...], list[xr.DataArray]] = field(
         default_factory=dict, compare=False, repr=False
@@ -205,22 +167,12 @@ class MethodComparison:
 
 @dataclass(frozen=True)
 class ComparedEntry:
-    """One entry of a statistic of an output, of all methods.
-
-    Parameters
-    ----------
-    comparison : MethodComparison
-    output : str
-    statistic : Statistic
-        Of the catalogue.
-    position : int
-        Among the entries; 0 for a statistic with a single one.
-    """
+    """One entry of a statistic of an output, of all methods."""
 
     comparison: MethodComparison
     output: str
-    statistic: Statistic
-    position: int
+    statistic: Statistic  # of the catalogue
+    position: int  # among the entries; 0 for a statistic with a single one
 
     def of(self, method: ComparedMethod, what: str) -> xr.DataArray:
         """Return the ``"error"`` of a method, its ``"coverage"`` or its ``"slope"``."""

@@ -64,17 +64,6 @@ from uqpen.results.table import (
     label_with_unit,
 )
 
-__all__ = [
-    "add_shares",
-    "difference_tables",
-    "model_form_tables",
-    "output_tables",
-    "runs_spent",
-    "statistics_table",
-    "statistics_tables",
-    "tolerance_cell",
-]
-
 # What the failed runs of a design mean for its statistics, by the attribute that says how.
 _QUALIFICATIONS = {
     CONDITIONAL: "statistics are conditional on {}",

@@ -50,40 +50,17 @@ from uqpen.results.table import (
 )
 from uqpen.results.texts import plain_text
 
-__all__ = [
-    "COMPARED",
-    "SHOWN",
-    "THRESHOLD_PROBABILITIES",
-    "SourceStatistics",
-    "best_sources",
-    "described_statistics",
-    "is_sample_design",
-    "labelled_entries",
-    "source_entries",
-    "user_defined",
-]
-
-
 # The probability that a run ends with a status.
 _OF_STATUS = next(each.name for each in FAILURE_STATISTICS.values() if STATUS in each.dims)
 
 
 @dataclass(frozen=True)
 class SourceStatistics:
-    """The statistics of one model, or of the difference of two.
+    """The statistics of one model, or of the difference of two."""
 
-    Parameters
-    ----------
-    tree : DataTree
-        What an archive has of the model, or of the pair.
-    is_difference : bool
-        Whether it is of a pair.
-    described_by : DataTree, optional
-        What the archive has of the model whose outputs these are, if that is not `tree`.
-    """
-
-    tree: xr.DataTree
-    is_difference: bool = False
+    tree: xr.DataTree  # what an archive has of the model, or of the pair
+    is_difference: bool = False  # whether it is of a pair
+    # What the archive has of the model whose outputs these are, if that is not `tree`.
     described_by: xr.DataTree | None = None
     # Estimate arrays by source and output: to take one out of its group takes its time.
     _arrays: dict[tuple[str, ...], UnpackedStatistics] = field(

@@ -11,17 +11,6 @@ from typing import Any
 from uqpen.core.errors import StudyError
 from uqpen.study.document import parse_document
 
-__all__ = [
-    "BLACK",
-    "BLUE",
-    "GREY",
-    "STYLES",
-    "VERMILION",
-    "SourceStyle",
-    "source_slots",
-    "source_style",
-]
-
 # Distinct to every kind of colour vision (Okabe & Ito, 2008); without the yellow, which is too
 # light for a line on white.
 BLUE, VERMILION, GREEN, PURPLE = "#0072b2", "#d55e00", "#009e73", "#aa4499"

@@ -46,19 +46,6 @@ from uqpen.surrogates.diagnostics import (
 )
 from uqpen.surrogates.field_fit import FIT_TEXT
 
-__all__ = [
-    "FITTED",
-    "correction_tables",
-    "equivalent_runs_text",
-    "fit_diagnostics",
-    "fit_json",
-    "fit_settings",
-    "fit_table",
-    "fitted_outputs",
-    "is_corrected",
-    "missing_run_tables",
-]
-
 # The attribute of a surrogate's group with the names of the outputs that it was fitted to.
 FITTED = "outputs"
 

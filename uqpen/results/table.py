@@ -34,33 +34,6 @@ from uqpen.core.units import DIMENSIONLESS, Scale
 from uqpen.results.digits import SUPERSCRIPTS, estimate_text, percent_text
 from uqpen.statistics.texts import DOUBTFUL_TAIL
 
-__all__ = [
-    "NOTHING",
-    "Conversion",
-    "OutputTable",
-    "conversion",
-    "cut_coordinates",
-    "cut_text",
-    "entries_json",
-    "entry_label",
-    "entry_text",
-    "estimate_json",
-    "estimate_remark",
-    "exceedance_label",
-    "first_runs",
-    "headed_models",
-    "identity",
-    "json_value",
-    "label_with_unit",
-    "output_names",
-    "quantile_label",
-    "shown_bounds",
-    "shown_estimate",
-    "shown_unit",
-    "telling_note",
-]
-
-
 Conversion = Callable[[Any], Any]
 
 # A smaller sensitivity measure is 0 but for rounding: closed forms give 2e-20 or -4e-8.

@@ -9,20 +9,6 @@ from uqpen.core.progress import StudyProgress
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.results.digits import grouped_number, typeset_unit
 
-__all__ = [
-    "capitalized",
-    "duration_text",
-    "join_names",
-    "plain_text",
-    "runs_text",
-    "step_text",
-    "title_with_name",
-    "title_with_unit",
-    "typeset_quantity",
-    "unit_suffix",
-]
-
-
 _LONGEST = 80
 
 _WORD = re.compile(r"\w+")

@@ -21,8 +21,6 @@ from typing import Any, Protocol
 from uqpen.models.umbridge import PROTOCOL
 from uqpen.server.served_model import RefusedError, RunBudget, only_vector
 
-__all__ = ["LimitsConnections", "ModelServer", "Offer"]
-
 # Connections of clients to a server: their number, and errors while it answers one.
 
 

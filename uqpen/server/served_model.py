@@ -23,8 +23,6 @@ from uqpen.core.status import Status
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.execution import Evaluator
 
-__all__ = ["HiddenModel", "RefusedError", "ServedModel", "only_vector"]
-
 
 class RefusedError(Exception):
     """Error: a request that gets an error as its response."""
@@ -41,26 +39,15 @@ class ServedModel:
 
     Outputs that are numbers share a vector with those next to them. A field is a vector of its own;
     values along its last dimension follow each other there.
-
-    Parameters
-    ----------
-    name : str
-        Its name for the clients.
-    evaluator : Evaluator
-        Makes the runs.
-    varied_inputs : tuple of str
-        The inputs that make up the vector, in its order.
-    fixed_inputs : mapping of str to float
-        The values of others, in SI units.
-    fingerprint : mapping of str to str
-        What a study says of the model, such as its units and constraints, and the hashes of its
-        files; empty without a study.
     """
 
-    name: str
-    evaluator: Evaluator
-    varied_inputs: tuple[str, ...]
+    name: str  # its name for the clients
+    evaluator: Evaluator  # makes the runs
+    varied_inputs: tuple[str, ...]  # the inputs that make up the vector, in its order
+    # The values of others, in SI units.
     fixed_inputs: Mapping[str, float] = field(default_factory=dict)
+    # What a study says of the model, such as its units and constraints, and the hashes of its
+    # files; empty without a study.
     fingerprint: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -159,20 +146,11 @@ class HiddenModel:
 
     A client needs to know neither names nor units nor distributions of the inputs: a vector of
     independent standard normal numbers becomes a draw of them, by their own transformation.
-
-    Parameters
-    ----------
-    name : str
-        Its name for the clients.
-    served : ServedModel
-        The model, with random inputs in its vector.
-    joint : JointDistribution
-        The inputs. Each random one has a place in the vector, also one that the model does not
-        take.
     """
 
-    name: str
-    served: ServedModel
+    name: str  # its name for the clients
+    served: ServedModel  # the model, with random inputs in its vector
+    # The inputs. Each random one has a place in the vector, also one that the model does not take.
     joint: JointDistribution
 
     @property
@@ -212,8 +190,6 @@ class HiddenModel:
 
 if sys.platform != "win32":
     import fcntl
-
-__all__ = ["RunBudget"]
 
 
 class RunBudget:

@@ -23,8 +23,6 @@ from uqpen.results.texts import duration_text, runs_text, step_text
 from uqpen.server.model_server import LimitsConnections
 from uqpen.workflow.running_results import RunningResults
 
-__all__ = ["WatchServer", "serve_watch_page", "watch_state"]
-
 _HOST = "127.0.0.1"
 _ASSETS = files("uqpen.server") / "assets"
 _FILES = {

@@ -43,19 +43,6 @@ from uqpen.statistics.sample import Sample
 from uqpen.statistics.user_defined import user_defined_statistics
 from uqpen.statistics.user_defined_analysis import UserDefinedAnalysis
 
-__all__ = [
-    "OutputStatistics",
-    "all_analyses_but",
-    "analyze",
-    "analyze_failures",
-    "drawn_runs",
-    "goes_by_blocks",
-    "in_catalogue_order",
-    "large_sample",
-    "output_run_counts",
-    "run_counts",
-]
-
 Analysis = Callable[..., Iterable[tuple[str, xr.DataArray]]]
 # Estimate arrays by the names of their statistics.
 OutputStatistics = dict[str, xr.DataArray]

@@ -38,31 +38,15 @@ from uqpen.statistics.surrogate.corrected_moments import (
     quantile_probabilities,
 )
 
-__all__ = [
-    "GroupRuns",
-    "LinearEstimate",
-    "MatchedThresholds",
-    "control_variate_statistics",
-    "linear_estimate",
-    "read_groups",
-]
-
 # Runs of an output by groups of models, at independent points of each group.
 
 
 @dataclass(frozen=True, eq=False)
 class GroupRuns:
-    """Values of an output at the points of a group, by the models that have run them.
+    """Values of an output at the points of a group, by the models that have run them."""
 
-    Parameters
-    ----------
-    models : ndarray of bool, shape (model,)
-        The models of the group, the one of interest first.
-    values : ndarray, shape (model, run)
-        Of runs that all models of the group completed; 0 for models outside of it.
-    """
-
-    models: BoolArray
+    models: BoolArray  # (model,): the models of the group, the one of interest first
+    # (model, run): of runs that all models of the group completed; 0 for models outside of it.
     values: FloatArray
 
     @property
@@ -112,19 +96,13 @@ _MISSED = 0.25
 
 @dataclass(frozen=True)
 class LinearEstimate:
-    """Mean of a model, the standard error with its degrees of freedom, and the margins.
+    """Mean of a model, the standard error with its degrees of freedom, and the margins."""
 
-    Parameters
-    ----------
-    value, error, freedom : float
-        The mean; its standard error, with Welch's degrees of freedom.
-    allowance : Margins
-        How far both ends of an interval move out beyond Student's t, for long tails.
-    """
-
+    # With error, freedom: the mean; its standard error, with Welch's degrees of freedom.
     value: float
     error: float
     freedom: float
+    # How far both ends of an interval move out beyond Student's t, for long tails.
     allowance: Margins
 
     def margins(self, level: float) -> Margins:
@@ -193,23 +171,14 @@ def _beyond(groups: Sequence[GroupRuns], covariance: FloatArray) -> Margins:
 
 @dataclass(frozen=True, eq=False)
 class MatchedThresholds:
-    """Values of a model and of its closest stand-in at common points, and of that at all points.
+    """Values of a model and of its closest stand-in at common points, and of that at all points."""
 
-    Parameters
-    ----------
-    model, stand_in : ndarray, shape (run,)
-        Two runs at least, sorted by the model. The stand-in rises with it, its sign changed where
-        it falls.
-    stand_in_everywhere : ndarray, shape (point,)
-        Sorted.
-    level : float
-        Confidence level of the intervals.
-    """
-
+    # With stand_in: (run,): two runs at least, sorted by the model. The stand-in rises with it, its
+    # sign changed where it falls.
     model: FloatArray
     stand_in: FloatArray
-    stand_in_everywhere: FloatArray
-    level: float
+    stand_in_everywhere: FloatArray  # (point,): sorted
+    level: float  # confidence level of the intervals
 
     @classmethod
     def of(cls, groups: Sequence[GroupRuns], level: float) -> MatchedThresholds:

@@ -23,8 +23,6 @@ from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.run_samples import input_sample, sample_of_statuses
 from uqpen.statistics.sample import ErrorModel, Sample
 
-__all__ = ["convergence", "convergence_of_parts", "part_sizes", "reason_without_parts"]
-
 # The statistics that are followed. Only of the whole is an array made: one for each smaller part
 # would take most of the time.
 _FOLLOWED = [each for each in CATALOGUE.values() if "part" in each.by]

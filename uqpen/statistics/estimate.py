@@ -17,8 +17,6 @@ from uqpen.statistics import texts
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["LEVEL", "PLACE", "Estimate", "refused", "unweighted"]
-
 # The probability with which an interval covers, and the confidence of a one-sided bound, where a
 # study states no other.
 LEVEL = 0.95

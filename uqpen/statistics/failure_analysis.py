@@ -17,8 +17,6 @@ from uqpen.statistics.ordering import Ordering
 from uqpen.statistics.sample import ErrorModel, Sample
 from uqpen.statistics.sensitivity.input_measures import input_array, input_coordinate
 
-__all__ = ["failure_analysis"]
-
 # Least number of failed and of completed runs to estimate the spread of both.
 _FEWEST_RUNS = 10
 

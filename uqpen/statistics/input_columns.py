@@ -16,27 +16,16 @@ from uqpen.core.blocks import BlockedRuns
 from uqpen.core.labels import ROLE, RUN
 from uqpen.statistics.ordering import Ordering
 
-__all__ = ["InputColumns", "RunInputs"]
-
 Made = TypeVar("Made")
 
 
 @dataclass(frozen=True, eq=False)
 class InputColumns:
-    """Random inputs at all points of a design; what nobody asks for is not read.
+    """Random inputs at all points of a design; what nobody asks for is not read."""
 
-    Parameters
-    ----------
-    names : tuple of str
-        The random inputs.
-    size : int
-        Number of points.
-    read : callable
-        Returns the values of an input by name, shape (point,).
-    """
-
-    names: tuple[str, ...]
-    size: int
+    names: tuple[str, ...]  # the random inputs
+    size: int  # number of points
+    # Returns the values of an input by name, shape (point,).
     read: Callable[[str], npt.NDArray[np.float64]]
 
     @classmethod
@@ -100,17 +89,10 @@ class RunInputs:
 
     Samples of outputs that exist in the same runs have one of these in common, so each input is
     ordered once for all analyses of all outputs. It lives as long as one of the samples.
-
-    Parameters
-    ----------
-    columns : InputColumns
-        The inputs at all points.
-    used : ndarray of int, shape (run,)
-        Numbers of the points with a completed run.
     """
 
-    columns: InputColumns
-    used: IntArray
+    columns: InputColumns  # the inputs at all points
+    used: IntArray  # (run,): numbers of the points with a completed run
 
     def __getitem__(self, number: int) -> FloatArray:
         """Return an input by its number, shape (run,)."""

@@ -16,27 +16,6 @@ import scipy
 
 from uqpen.core.arrays import FloatArray, IntArray
 
-__all__ = [
-    "additive_residual_error",
-    "ascending",
-    "bonett_price",
-    "clopper_pearson",
-    "dkw_half_width",
-    "equivalent_runs",
-    "error_of_sums",
-    "group_sums",
-    "largest_up_to",
-    "least_from",
-    "order_statistic_ranks",
-    "ratio_error",
-    "ratio_jackknife_error",
-    "runs_needed",
-    "runs_needed_for_both",
-    "student_interval",
-    "student_quantile",
-    "upper_rank",
-]
-
 
 def student_quantile(freedom: float, level: float) -> float:
     """Half-width of Student's t interval in standard errors; NaN below one degree of freedom."""

@@ -11,29 +11,15 @@ import numpy as np
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.statistics.threshold import AcceptanceLimits
 
-__all__ = ["JointEvent", "OutputLimit"]
-
 
 @dataclass(frozen=True)
 class OutputLimit:
-    """Limit of an output: a comparison that is true or false in each run.
+    """Limit of an output: a comparison that is true or false in each run."""
 
-    Parameters
-    ----------
-    text : str
-        As the study has it, such as ``"depth < 60 cm"``.
-    output : str
-        Name of the output.
-    is_above : bool
-        True if the output exceeds the value, False if it lies below.
-    value : float
-        In the output's SI unit.
-    """
-
-    text: str
-    output: str
-    is_above: bool
-    value: float
+    text: str  # as the study has it, such as ``"depth < 60 cm"``
+    output: str  # name of the output
+    is_above: bool  # true if the output exceeds the value, False if it lies below
+    value: float  # in the output's SI unit
 
     def is_met(self, values: FloatArray) -> BoolArray:
         """Return which values of the output meet it."""
@@ -42,29 +28,14 @@ class OutputLimit:
 
 @dataclass(frozen=True)
 class JointEvent:
-    """Event that concerns several outputs.
+    """Event that concerns several outputs."""
 
-    Parameters
-    ----------
-    name : str
-        Its name in the study.
-    limits : tuple of OutputLimit
-        At least one.
-    is_any : bool
-        True if one of the limits suffices, False if all must hold.
-    accepted : AcceptanceLimits
-        The probabilities that the study accepts.
-    given : JointEvent, optional
-        The event on whose occurrence the probability is conditional.
-    sensitivities : bool
-        Whether the sensitivities of the probability to the inputs are requested.
-    """
-
-    name: str
-    limits: tuple[OutputLimit, ...]
-    is_any: bool = False
-    accepted: AcceptanceLimits = AcceptanceLimits()
-    given: JointEvent | None = None
+    name: str  # its name in the study
+    limits: tuple[OutputLimit, ...]  # at least one
+    is_any: bool = False  # true if one of the limits suffices, False if all must hold
+    accepted: AcceptanceLimits = AcceptanceLimits()  # the probabilities that the study accepts
+    given: JointEvent | None = None  # the event on whose occurrence the probability is conditional
+    # Whether the sensitivities of the probability to the inputs are requested.
     sensitivities: bool = False
 
     @property

@@ -31,8 +31,6 @@ from uqpen.statistics.rare_events.rare_event_probability import RareEventProbabi
 from uqpen.statistics.run_samples import absent_runs, event_sample, samples_of
 from uqpen.statistics.sample import Sample
 
-__all__ = ["joint_probabilities"]
-
 
 def joint_probabilities(
     runs: xr.Dataset | BlockedRuns,

@@ -26,8 +26,6 @@ from uqpen.statistics.run_samples import sample_of
 from uqpen.statistics.sample import ErrorModel, Sample
 from uqpen.statistics.standard_errors import standard_error
 
-__all__ = ["model_differences", "model_form_shares"]
-
 # A smaller share is 0 but for rounding.
 _ROUNDING = 1e-12
 _SHARES = [each for each in MODEL_FORM_STATISTICS.values() if not each.of]

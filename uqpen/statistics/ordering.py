@@ -12,26 +12,18 @@ import numpy.typing as npt
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 from uqpen.statistics.intervals import group_sums
 
-__all__ = ["Numbers", "Ordering"]
-
 # Of 32 bits where that is enough: half of the memory.
 Numbers = npt.NDArray[np.signedinteger[Any]]
 
 
 @dataclass(frozen=True, eq=False)
 class Ordering:
-    """Values in ascending order.
+    """Values in ascending order."""
 
-    Parameters
-    ----------
-    order : ndarray of int, shape (run,)
-        Numbers of the values, ascending; those of equal values ascend themselves.
-    is_above : ndarray of bool, shape (run,), optional
-        For each value in that order, True if it is above the one before, or the first of all. None
-        where no two values are equal.
-    """
-
+    # (run,): numbers of the values, ascending; those of equal values ascend themselves.
     order: Numbers
+    # (run,): for each value in that order, True if it is above the one before, or the first of all.
+    # None where no two values are equal.
     is_above: BoolArray | None = None
 
     @classmethod

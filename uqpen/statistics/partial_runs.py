@@ -11,8 +11,6 @@ from uqpen.core.labels import FAILED_RUN, REPLICATE, RUN, SAMPLING
 from uqpen.core.sampling import Sampling
 from uqpen.statistics.convergence import reason_without_parts
 
-__all__ = ["SampleSoFar", "first_runs", "sample_so_far"]
-
 _IN_BLOCKS = "its points form blocks, and a part of them is no sample of the inputs"
 _NO_REPLICATE = (
     "it has fewer than two complete replicates, and a part of a stratified set is no such set"
@@ -23,18 +21,10 @@ _FEW = f"fewer than {_FEWEST} of its first runs are finished"
 
 
 class SampleSoFar(NamedTuple):
-    """First runs that are a sample as the whole design will be, or why there are none yet.
+    """First runs that are a sample as the whole design will be, or why there are none yet."""
 
-    Attributes
-    ----------
-    runs : Dataset or None
-        The runs; None where there is a reason.
-    reason : str
-        Empty where there are runs.
-    """
-
-    runs: xr.Dataset | None
-    reason: str = ""
+    runs: xr.Dataset | None  # the runs; None where there is a reason
+    reason: str = ""  # empty where there are runs
 
 
 def first_runs(finished: xr.Dataset) -> xr.Dataset:

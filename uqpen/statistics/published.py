@@ -15,28 +15,17 @@ from uqpen.statistics.estimate import Estimate
 if TYPE_CHECKING:
     from uqpen.statistics.analyze import OutputStatistics
 
-__all__ = ["Publication", "PublishedEstimates", "published_estimates"]
-
 
 @dataclass(frozen=True)
 class PublishedEstimates:
-    """Estimates that a publication gives for one output.
-
-    Parameters
-    ----------
-    output : Output
-    mean, std : float, optional
-        In the output's SI unit.
-    response : mapping of str to float
-        By input: the relative response of the output, dimensionless.
-    largest_contribution : str
-        The input whose contribution to the uncertainty it calls the largest; empty for none.
-    """
+    """Estimates that a publication gives for one output."""
 
     output: Output
-    mean: float | None = quantity(default=None)
+    mean: float | None = quantity(default=None)  # with std: in the output's SI unit
     std: float | None = difference(default=None)
+    # By input: the relative response of the output, dimensionless.
     response: Mapping[str, float] = quantities(unit=DIMENSIONLESS)
+    # The input whose contribution to the uncertainty it calls the largest; empty for none.
     largest_contribution: str = ""
 
     def __post_init__(self) -> None:

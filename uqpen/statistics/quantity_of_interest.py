@@ -50,46 +50,29 @@ class QuantityOfInterest:
     """Quantity of interest: an output and the statistics requested of it.
 
     Statistics of the catalogue that declare their request have a field each, empty by default.
-
-    Parameters
-    ----------
-    output : Output
-        The model output.
-    display_unit : str
-        The unit to show it in.
-    thresholds : tuple of Threshold
-        Values whose probability of exceedance is requested.
-    lower_thresholds : tuple of Threshold
-        Values; the probability that the output lies below each is requested.
-    quantiles : tuple of float
-        Probabilities strictly between 0 and 1, ascending.
-    tolerance_contents : tuple of float
-        Contents of the upper tolerance limits: probabilities of lying at or below the limit.
-    lower_tolerance_contents : tuple of float
-        Contents of the lower tolerance limits: probabilities of lying at or above the limit.
-    tolerance_interval_contents : tuple of float
-        Contents of the tolerance intervals: probabilities of lying between their ends.
-    caveat : str, optional
-        Sentence on what a reader has to mind of all numbers of this output.
-    axis_scale : str
-        ``"log"`` for charts by the logarithm of the output, or ``"linear"``.
-    confidence_level : float
-        Confidence level of the intervals of its statistics.
     """
 
-    output: Output
+    output: Output  # the model output
     display_unit: str = setting(
         "unit", "a unit", lambda unit: isinstance(unit, str), read=_read_unit, key="unit"
-    )
+    )  # the unit to show it in
+    # Values whose probability of exceedance is requested.
     thresholds: tuple[Threshold, ...] = threshold_list(key="exceeds")
+    # Values; the probability that the output lies below each is requested.
     lower_thresholds: tuple[Threshold, ...] = threshold_list(key="below")
+    # Probabilities strictly between 0 and 1, ascending.
     quantiles: tuple[float, ...] = probabilities(always=DEFAULT_QUANTILES)
+    # Contents of the upper tolerance limits: probabilities of lying at or below the limit.
     tolerance_contents: tuple[float, ...] = probabilities(key="hold")
+    # Contents of the lower tolerance limits: probabilities of lying at or above the limit.
     lower_tolerance_contents: tuple[float, ...] = probabilities(key="hold_above")
+    # Contents of the tolerance intervals: probabilities of lying between their ends.
     tolerance_interval_contents: tuple[float, ...] = probabilities(key="hold_between")
+    # Sentence on what a reader has to mind of all numbers of this output.
     caveat: str | None = text(expected="a sentence in quotes", default=None)
+    # ``"log"`` for charts by the logarithm of the output, or ``"linear"``.
     axis_scale: str = choice("linear", LOGARITHMIC, default="linear", key="scale")
-    confidence_level: float = LEVEL
+    confidence_level: float = LEVEL  # confidence level of the intervals of its statistics
 
     def __post_init__(self) -> None:
         validate(self)

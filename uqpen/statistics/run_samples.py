@@ -36,18 +36,6 @@ from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.joint_event import JointEvent
 from uqpen.statistics.sample import Sample
 
-__all__ = [
-    "absent_condition",
-    "absent_runs",
-    "each_sample",
-    "event_sample",
-    "input_sample",
-    "runs_with_value",
-    "sample_of",
-    "sample_of_statuses",
-    "samples_of",
-]
-
 # Runs in which a derived output has no value, such as the time of an event that never comes.
 #
 # They are neither used nor missing: a statistic of the output is one of the other runs, and says

@@ -23,31 +23,18 @@ from uqpen.statistics.analyze import OutputStatistics, analyze
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.user_defined_analysis import UserDefinedAnalysis
 
-__all__ = ["RequiredRuns", "RunningEstimates", "required_runs"]
-
 
 @dataclass(frozen=True)
 class RunningEstimates:
     """Estimates of a design's outputs, as if it had ended with its last round.
 
     It is a `uqpen.designs.feedback.Estimates`.
-
-    Parameters
-    ----------
-    rounds : tuple of mapping of str to Dataset
-        The runs of each round, by model.
-    sampling : Sampling
-        Of the design.
-    quantities : mapping of str to sequence of QuantityOfInterest
-        By model.
-    user_defined : sequence of UserDefinedAnalysis
-        User-defined analyses.
     """
 
-    rounds: tuple[Mapping[str, xr.Dataset], ...]
-    sampling: Sampling
-    quantities: Mapping[str, Sequence[QuantityOfInterest]]
-    user_defined: Sequence[UserDefinedAnalysis] = ()
+    rounds: tuple[Mapping[str, xr.Dataset], ...]  # the runs of each round, by model
+    sampling: Sampling  # of the design
+    quantities: Mapping[str, Sequence[QuantityOfInterest]]  # by model
+    user_defined: Sequence[UserDefinedAnalysis] = ()  # user-defined analyses
 
     def __call__(
         self, model: str, output: str, *, only: Collection[str] | None = None
@@ -87,18 +74,10 @@ _SAMPLES, _ENDS = 100, (0.05, 0.95)
 
 
 class RequiredRuns(NamedTuple):
-    """Number of runs that a target takes, with its 90 % bootstrap interval.
+    """Number of runs that a target takes, with its 90 % bootstrap interval."""
 
-    Parameters
-    ----------
-    target : str
-        The target in words.
-    runs, lower, upper : float
-        NaN where the pilot gives no interval of the statistic.
-    """
-
-    target: str
-    runs: float
+    target: str  # the target in words
+    runs: float  # with lower, upper: NaN where the pilot gives no interval of the statistic
     lower: float
     upper: float
 

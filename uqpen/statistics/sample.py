@@ -21,19 +21,6 @@ from uqpen.statistics.ordering import Ordering
 from uqpen.statistics.tally import Tally
 from uqpen.statistics.weights import effective_sizes, weighted_mean
 
-__all__ = [
-    "DOUBTFUL_KURTOSIS",
-    "ENOUGH_RUNS_FOR_MEANS",
-    "ENOUGH_RUNS_FOR_TAILS",
-    "FEWEST_EFFECTIVE_RUNS",
-    "FEWEST_RUNS_FOR_TAILS",
-    "Column",
-    "DistanceShape",
-    "ErrorModel",
-    "Sample",
-    "SampleShape",
-]
-
 # Error models of samples.
 
 
@@ -66,44 +53,25 @@ class Sample:
 
     An analysis of a distribution asks for events, ordered values, counts and the shape, never for
     the values: so it serves a sample whose runs go by blocks as well.
-
-    Parameters
-    ----------
-    values : ndarray, shape (run,)
-        In the variable's SI unit. Of a field that of all runs has the shape (run, *dims); at places
-        of a field that exist in the same runs it has the shape (place, run).
-    used : ndarray of int, shape (run,)
-        Numbers of the points with a completed run.
-    missing : ndarray of int, shape (missing,)
-        Numbers of the points whose run failed for a reason that may depend on the output: every
-        failed run except at inadmissible points.
-    columns : InputColumns
-        The random inputs at all points of the design.
-    replicates : ndarray of int, shape (point,)
-        The replicate of each point, from 0.
-    sampling : Sampling
-        How the design drew its points.
-    dependence : str
-        How the inputs depend on each other; empty where they do not.
-    optimized_by : str
-        The criterion by which the points of a replicate were moved apart; empty for none.
-    weights : ndarray, shape (point,), optional
-        Relative weight of each point, where the points are draws of another distribution than the
-        study's: the ratio of the two densities, up to a factor.
-    level : float
-        Confidence level of the intervals of its statistics.
     """
 
+    # (run,): in the variable's SI unit. Of a field that of all runs has the shape (run, *dims); at
+    # places of a field that exist in the same runs it has the shape (place, run).
     values: FloatArray
-    used: IntArray
+    used: IntArray  # (run,): numbers of the points with a completed run
+    # (missing,): numbers of the points whose run failed for a reason that may depend on the output:
+    # every failed run except at inadmissible points.
     missing: IntArray
-    columns: InputColumns
-    replicates: IntArray
-    sampling: Sampling
-    dependence: str = ""
+    columns: InputColumns  # the random inputs at all points of the design
+    replicates: IntArray  # (point,): the replicate of each point, from 0
+    sampling: Sampling  # how the design drew its points
+    dependence: str = ""  # how the inputs depend on each other; empty where they do not
+    # The criterion by which the points of a replicate were moved apart; empty for none.
     optimized_by: str = ""
+    # (point,): relative weight of each point, where the points are draws of another distribution
+    # than the study's: the ratio of the two densities, up to a factor.
     weights: FloatArray | None = None
-    level: float = LEVEL
+    level: float = LEVEL  # confidence level of the intervals of its statistics
 
     def with_missing(self) -> Sample:
         """Return the sample with its missing runs at the end, their values NaN."""

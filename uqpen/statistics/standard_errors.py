@@ -20,18 +20,6 @@ from uqpen.statistics.sample import Column, ErrorModel, Sample
 from uqpen.statistics.tally import Tally
 from uqpen.statistics.weights import weighted_mean_error
 
-__all__ = [
-    "Margins",
-    "cdf_error",
-    "extreme_margins",
-    "mean_margins",
-    "probability_error",
-    "rounding_error",
-    "skewness_margins",
-    "standard_error",
-    "student_margins",
-]
-
 # Standard error of a mean, by the error model of the sample's design.
 
 

@@ -28,8 +28,6 @@ from uqpen.core.labels import (
 from uqpen.designs.stopping.acceptance_claim import ERROR, parse_claim
 from uqpen.statistics import texts
 
-__all__ = ["anytime_interval", "decision_attributes", "mark_uncertified"]
-
 _Statistics = dict[str, xr.DataArray]
 
 

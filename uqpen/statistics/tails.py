@@ -22,20 +22,6 @@ from uqpen.statistics.intervals import student_quantile
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import ErrorModel, Sample
 
-__all__ = [
-    "FEWEST_BEYOND",
-    "FEWEST_RUNS",
-    "P_VALUES",
-    "SHAPES",
-    "FittedTail",
-    "TailFit",
-    "fit_tails",
-    "fitting_tails",
-    "log_likelihood",
-    "p_value",
-    "return_levels",
-]
-
 # Generalised Pareto distribution of excesses over a threshold, by maximum likelihood.
 
 # The search goes over the logarithm of 1 + ξ x/σ at the largest excess x.
@@ -46,21 +32,12 @@ _EXPONENTIAL = 1e-8
 
 
 class TailFit(NamedTuple):
-    """Generalised Pareto distributions of samples of excesses, shape (...).
+    """Generalised Pareto distributions of samples of excesses, shape (...)."""
 
-    Parameters
-    ----------
-    shape : ndarray
-        Above 0 for a tail like a power, 0 for an exponential one, below 0 for one that ends.
-    scale : ndarray
-        In the unit of the excesses.
-    anderson_darling : ndarray
-        Anderson and Darling's statistic of the fit.
-    """
-
+    # Above 0 for a tail like a power, 0 for an exponential one, below 0 for one that ends.
     shape: FloatArray
-    scale: FloatArray
-    anderson_darling: FloatArray
+    scale: FloatArray  # in the unit of the excesses
+    anderson_darling: FloatArray  # anderson and Darling's statistic of the fit
 
 
 def fit_tails(excesses: FloatArray) -> TailFit:
@@ -179,28 +156,14 @@ _IMPOSSIBLE = -1e300
 
 @dataclass(frozen=True, eq=False)
 class FittedTail:
-    """Tail of a sample: runs beyond a threshold, and the distribution of their excesses.
+    """Tail of a sample: runs beyond a threshold, and the distribution of their excesses."""
 
-    Parameters
-    ----------
-    ordered : ndarray, shape (run,)
-        All runs, ascending, in the output's SI unit.
-    threshold : float
-        In the same unit.
-    excesses : ndarray, shape (run,)
-        Of the runs beyond it.
-    shape, scale : float
-        Of the fitted generalised Pareto distribution.
-    p_value : float
-        Of the fit.
-    """
-
-    ordered: FloatArray
-    threshold: float
-    excesses: FloatArray
-    shape: float
+    ordered: FloatArray  # (run,): all runs, ascending, in the output's SI unit
+    threshold: float  # in the same unit
+    excesses: FloatArray  # (run,): of the runs beyond it
+    shape: float  # with scale: of the fitted generalised Pareto distribution
     scale: float
-    p_value: float
+    p_value: float  # of the fit
 
     @property
     def share(self) -> float:

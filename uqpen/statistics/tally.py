@@ -10,31 +10,18 @@ import numpy as np
 
 from uqpen.core.arrays import FloatArray, IntArray
 
-__all__ = ["Tally"]
-
 
 @dataclass(frozen=True, eq=False)
 class Tally:
     """Sums of a column over its replicates, in place of its values.
 
     Independent draws are one replicate. The methods that arrays have too return the same.
-
-    Parameters
-    ----------
-    sizes : ndarray of int, shape (replicate,)
-        Number of runs.
-    sums : ndarray, shape (replicate,)
-        Of the column.
-    squares : float
-        Sum of the squared deviations from the mean.
-    smallest, largest : float
-        The ends of the column.
     """
 
-    sizes: IntArray
-    sums: FloatArray
-    squares: float
-    smallest: float
+    sizes: IntArray  # (replicate,): number of runs
+    sums: FloatArray  # (replicate,): of the column
+    squares: float  # sum of the squared deviations from the mean
+    smallest: float  # with largest: the ends of the column
     largest: float
 
     @classmethod

@@ -9,8 +9,6 @@ from uqpen.core.errors import Problem, QuantityError, SettingsError, toml_text
 from uqpen.core.quantities import parse_quantity
 from uqpen.core.settings import Context, read_each, read_list, setting, share, validate
 
-__all__ = ["Acceptable", "AcceptanceLimits", "Threshold", "threshold_list"]
-
 _PROBABILITY = 'a probability from 0 to 1, such as 0.05 or "5 %"'
 _LIMITS = "a table such as { at_most = 0.05 }"
 
@@ -19,17 +17,13 @@ _LIMITS = "a table such as { at_most = 0.05 }"
 class AcceptanceLimits:
     """Acceptance limits: the probabilities that a study accepts.
 
-    Parameters
-    ----------
-    at_most, at_least : float, optional
-        The largest and the smallest accepted probability; None for no limit.
-
     Raises
     ------
     SettingsError
         If a limit is no probability, or no probability lies within both.
     """
 
+    # With at_least: the largest and the smallest accepted probability; None for no limit.
     at_most: float | None = share(expected=_PROBABILITY, default=None)
     at_least: float | None = share(expected=_PROBABILITY, default=None)
 
@@ -50,20 +44,11 @@ class Acceptable(Protocol):
 
 @dataclass(frozen=True)
 class Threshold:
-    """Threshold: a value whose probability of exceedance, or of lying below it, is requested.
+    """Threshold: a value whose probability of exceedance, or of lying below it, is requested."""
 
-    Parameters
-    ----------
-    text : str
-        Its text in the study, which names the estimate.
-    value : float
-        In the output's SI unit.
-    accepted : AcceptanceLimits
-        The probabilities that the study accepts; all, unless it states limits.
-    """
-
-    text: str
-    value: float
+    text: str  # its text in the study, which names the estimate
+    value: float  # in the output's SI unit
+    # The probabilities that the study accepts; all, unless it states limits.
     accepted: AcceptanceLimits = AcceptanceLimits()
 
 

@@ -21,8 +21,6 @@ from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
 from uqpen.statistics.user_defined_analysis import UserDefinedAnalysis
 
-__all__ = ["user_defined_statistics"]
-
 _UNIT_RULES = ("value", "difference")
 
 # A dimension is a column of the long table, beside its own.

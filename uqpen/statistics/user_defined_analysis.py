@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from uqpen.statistics.quantity_of_interest import QuantityOfInterest
     from uqpen.statistics.sample import Sample
 
-__all__ = ["Analysis", "UserDefinedAnalysis"]
-
 # The words of labels.
 _ENTRY = ("{entry}",)
 
@@ -32,20 +30,12 @@ Analysis: TypeAlias = "Callable[[Sample, QuantityOfInterest], Iterable[tuple[str
 
 @dataclass(frozen=True)
 class UserDefinedAnalysis:
-    """User-defined function that yields statistics of an output.
+    """User-defined function that yields statistics of an output."""
 
-    Parameters
-    ----------
-    reference : str
-        ``"file.py:function"`` or ``"package.module:function"``, as the study has it.
-    function : callable
-        Takes a `Sample` and a `QuantityOfInterest`, and yields names with estimate arrays.
-    surroundings : ModelFolder, optional
-        The context in which the function must be called.
-    """
-
-    reference: str
+    reference: str  # ``"file.py:function"`` or ``"package.module:function"``, as the study has it
+    # Takes a `Sample` and a `QuantityOfInterest`, and yields names with estimate arrays.
     function: Analysis = field(compare=False)
+    # The context in which the function must be called.
     surroundings: ModelFolder | None = field(default=None, repr=False, compare=False)
 
     @property

@@ -14,17 +14,6 @@ import numpy.typing as npt
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.statistics.intervals import clopper_pearson, student_quantile
 
-__all__ = [
-    "effective_sizes",
-    "runs_on_a_side",
-    "weighted_cdf",
-    "weighted_mean",
-    "weighted_mean_error",
-    "weighted_probability_interval",
-    "weighted_quantile",
-    "weighted_share",
-]
-
 
 def effective_sizes(weights: FloatArray) -> FloatArray:
     """Effective sample sizes (Σw)²/Σw²: the equally weighted draws with the same error.

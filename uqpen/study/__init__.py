@@ -18,41 +18,21 @@ class Section:
     A section that refers to no other one has its `settings`, or a `reader`; both give a `field`.
     The others are read together, in `load.py`. References are texts, so that whoever reads the
     declarations loads nothing.
-
-    Parameters
-    ----------
-    is_table : bool
-        False for a key that stands in no table, and for models, which are read before all tables.
-    expected : str
-        What a study without it lacks, for a message; empty where it is optional.
-    settings : str
-        Reference to the class whose settings the table has. An object of it is the section, too.
-    reader : str
-        Reference to a function of the table and of `StudyParts`.
-    field : str
-        Field of `ValidatedStudy` with its value; that has a default if the section is optional.
-    determines_points : bool
-        True if the points of every design depend on it.
-    lines : str
-        Reference to a function of the study, which yields lines of its summary.
-    rank : int
-        Place of these lines among those of other sections.
-    attribute : str
-        Attribute of an archive's root with the field, where that is not empty.
-    fact : str
-        Statement at the head of a page, with ``{value}`` for the attribute.
     """
 
+    # False for a key that stands in no table, and for models, which are read before all tables.
     is_table: bool = True
-    expected: str = ""
+    expected: str = ""  # what a study without it lacks, for a message; empty where it is optional
+    # Reference to the class whose settings the table has. An object of it is the section, too.
     settings: str = ""
-    reader: str = ""
+    reader: str = ""  # reference to a function of the table and of `StudyParts`
+    # Field of `ValidatedStudy` with its value; that has a default if the section is optional.
     field: str = ""
-    determines_points: bool = False
-    lines: str = ""
-    rank: int = 99
-    attribute: str = ""
-    fact: str = ""
+    determines_points: bool = False  # true if the points of every design depend on it
+    lines: str = ""  # reference to a function of the study, which yields lines of its summary
+    rank: int = 99  # place of these lines among those of other sections
+    attribute: str = ""  # attribute of an archive's root with the field, where that is not empty
+    fact: str = ""  # statement at the head of a page, with ``{value}`` for the attribute
 
 
 # In the order in which the text of a study made in Python has them.

@@ -14,17 +14,6 @@ from uqpen.study.document import Document
 from uqpen.study.study import Variant
 from uqpen.study.table_reader import TableReader
 
-__all__ = [
-    "BUDGET",
-    "FEWEST_RUNS",
-    "STAND_IN",
-    "BudgetPlan",
-    "PlannedTable",
-    "check_budget",
-    "plan_budget",
-    "plan_runs",
-]
-
 # Fewer runs estimate next to nothing: ten are the fewest that an empirical distribution takes.
 FEWEST_RUNS = 10
 
@@ -43,24 +32,12 @@ _SETS = 16
 
 @dataclass(frozen=True)
 class PlannedTable:
-    """Table of a study that a budget gives.
+    """Table of a study that a budget gives."""
 
-    Parameters
-    ----------
-    section : str
-        ``"designs"`` or ``"surrogates"``.
-    name : str
-        Its name there.
-    settings : mapping
-        Its keys and values.
-    reason : str
-        Why it was chosen.
-    """
-
-    section: str
-    name: str
-    settings: Mapping[str, Any]
-    reason: str
+    section: str  # ``"designs"`` or ``"surrogates"``
+    name: str  # its name there
+    settings: Mapping[str, Any]  # its keys and values
+    reason: str  # why it was chosen
 
     @property
     def text(self) -> str:
@@ -147,17 +124,10 @@ def check_budget(root: TableReader, budget: int | None) -> int | None:
 
 @dataclass(frozen=True)
 class BudgetPlan:
-    """Plan of a study with a budget.
+    """Plan of a study with a budget."""
 
-    Parameters
-    ----------
-    text : str
-        The text of the study with its plan in place of the budget, as the archive keeps it.
-    tables : tuple of PlannedTable
-        The designs and surrogates; empty where a mistake was noted.
-    """
-
-    text: str
+    text: str  # the text of the study with its plan in place of the budget, as the archive keeps it
+    # The designs and surrogates; empty where a mistake was noted.
     tables: tuple[PlannedTable, ...] = ()
 
     def section(self, name: str) -> dict[str, Any] | None:

@@ -32,11 +32,6 @@ from uqpen.study.model_section import read_limits
 from uqpen.study.table_reader import TableReader
 from uqpen.study.variables_section import Variables, read_variables
 
-__all__ = [
-    "is_inside",
-    "read_command",
-]
-
 _FILE = "the name of a file in the folder of the run"
 
 # Of each kind of file, the reader and its setting that is the output's name by default.

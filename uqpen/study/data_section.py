@@ -26,16 +26,6 @@ from uqpen.models.data.data_model import (
 )
 from uqpen.study.table_reader import TableReader
 
-__all__ = [
-    "DATA",
-    "DEFAULT_DESIGNS",
-    "OTHER_COLUMNS",
-    "bind_designs",
-    "check_fixed",
-    "has_data",
-    "read_data",
-]
-
 # The key with the file.
 DATA = "data"
 

@@ -24,8 +24,6 @@ from uqpen.study.user_defined_members import (
     read_kind,
 )
 
-__all__ = ["check_designs", "check_models", "check_outputs", "check_tables", "read_designs"]
-
 # What has a meaning where the inputs depend on each other.
 _VALID = (
     "use a sample (monte-carlo, latin-hypercube, sobol-sequence, halton). Any sample gives delta "

@@ -18,16 +18,6 @@ from typing import Any
 
 from uqpen.core.errors import Problem, StudyError, is_huge, toml_text
 
-__all__ = [
-    "LARGEST",
-    "MOST_LISTED",
-    "ArgumentsDocument",
-    "Document",
-    "inner_table",
-    "parse_document",
-    "read_document",
-]
-
 # Most bytes of a study's text.
 LARGEST = 4 * 1024 * 1024
 
@@ -120,24 +110,13 @@ Objects = Mapping[tuple[str | int, ...], Any]
 
 @dataclass(frozen=True)
 class Document:
-    """Text and content of a study.
+    """Text and content of a study."""
 
-    Parameters
-    ----------
-    label : str
-        Name of its file in messages.
-    text : str
-        Verbatim.
-    content : dict
-        The parsed text.
-    objects : mapping of tuple to object, optional
-        Python objects that the text only names, by the path of the table that names each; None
-        for a file, which cannot name any.
-    """
-
-    label: str
-    text: str
-    content: dict[str, Any]
+    label: str  # name of its file in messages
+    text: str  # verbatim
+    content: dict[str, Any]  # the parsed text
+    # Python objects that the text only names, by the path of the table that names each; None for a
+    # file, which cannot name any.
     objects: Objects | None = None
 
     def value_text(self, path: Sequence[str | int]) -> str | None:

@@ -32,97 +32,45 @@ from uqpen.study.user_defined_members import (
 )
 from uqpen.surrogates.refinement import RefinedDesign
 
-__all__ = [
-    "POINT_TABLES",
-    "ModelIdentity",
-    "StudyIdentity",
-    "depends_on_batch",
-    "is_user_defined",
-    "level_attribute",
-    "model_attributes",
-    "model_identity",
-    "model_tables",
-    "root_attributes",
-    "run_fingerprint",
-    "study_identity",
-]
-
 # Sections that determine the points of every design. The title does not, nor what is asked of the
 # runs, nor what they are held against.
 POINT_TABLES = tuple(key for key, section in SECTIONS.items() if section.determines_points)
 
 
 class ModelIdentity(NamedTuple):
-    """What decides the result of a model's run at given inputs.
+    """What decides the result of a model's run at given inputs."""
 
-    Attributes
-    ----------
-    attributes : mapping of str to str
-        Its name, and what distinguishes its versions, as in `Model.identity`.
-    table, constraints : mapping of str to str
-        Its table of the study, and the constraints, flattened; without the inputs that it sets.
-    files : mapping of str to FileSnapshot
-        The files that it names, and those that it has used so far, by name.
-    dependencies : tuple of Dependency
-        What it has used so far.
-    uncompared : tuple of str
-        What decides its runs and cannot be compared, in words.
-    unknown : str
-        Why its versions cannot be distinguished from those of an archive; empty if they can.
-    depends_on_batch : bool
-        True if its results may depend on the runs that are made with them.
-    software : mapping of str to str
-        Versions that its last digits depend on.
-    fingerprint : mapping of str to str
-        All of that which says whether finished runs are still its own.
-    folder : Path
-        Folder of the study.
-    surroundings : ModelFolder or None
-        The folder from which its runs import modules.
-    """
-
+    # Its name, and what distinguishes its versions, as in `Model.identity`.
     attributes: Mapping[str, str]
+    # With constraints: its table of the study, and the constraints, flattened; without the inputs
+    # that it sets.
     table: Mapping[str, str]
     constraints: Mapping[str, str]
+    # The files that it names, and those that it has used so far, by name.
     files: Mapping[str, FileSnapshot]
-    dependencies: tuple[Dependency, ...]
-    uncompared: tuple[str, ...]
+    dependencies: tuple[Dependency, ...]  # what it has used so far
+    uncompared: tuple[str, ...]  # what decides its runs and cannot be compared, in words
+    # Why its versions cannot be distinguished from those of an archive; empty if they can.
     unknown: str
-    depends_on_batch: bool
-    software: Mapping[str, str]
-    fingerprint: Mapping[str, str]
-    folder: Path
-    surroundings: ModelFolder | None
+    depends_on_batch: bool  # true if its results may depend on the runs that are made with them
+    software: Mapping[str, str]  # versions that its last digits depend on
+    fingerprint: Mapping[str, str]  # all of that which says whether finished runs are still its own
+    folder: Path  # folder of the study
+    surroundings: ModelFolder | None  # the folder from which its runs import modules
 
 
 class StudyIdentity(NamedTuple):
-    """What decides the archive of a study, gathered at one moment.
+    """What decides the archive of a study, gathered at one moment."""
 
-    Attributes
-    ----------
-    attributes : mapping of str to str, int or float
-        Those of the archive's root.
-    content : mapping of str to object
-        The text of the study, parsed.
-    models : mapping of str to ModelIdentity
-        By name.
-    runs : mapping of tuple of str to mapping of str to str
-        The properties that determine the runs of a design, by model and design.
-    files : mapping of str to FileSnapshot
-        All files that it names, by name.
-    unknown : tuple of tuple of str
-        Why versions of its parts cannot be distinguished, each with a word for the part.
-    is_known : bool
-        True if the archive states the version of all that the study consists of.
-    """
-
-    attributes: Mapping[str, str | int | float]
-    content: Mapping[str, Any]
-    models: Mapping[str, ModelIdentity]
+    attributes: Mapping[str, str | int | float]  # those of the archive's root
+    content: Mapping[str, Any]  # the text of the study, parsed
+    models: Mapping[str, ModelIdentity]  # by name
+    # The properties that determine the runs of a design, by model and design.
     runs: Mapping[tuple[str, str], Mapping[str, str]]
-    files: Mapping[str, FileSnapshot]
+    files: Mapping[str, FileSnapshot]  # all files that it names, by name
+    # Why versions of its parts cannot be distinguished, each with a word for the part.
     unknown: tuple[tuple[str, str], ...]
-    is_known: bool
+    is_known: bool  # true if the archive states the version of all that the study consists of
 
 
 def study_identity(study: ValidatedStudy) -> StudyIdentity:

@@ -53,13 +53,6 @@ from uqpen.study.user_defined_members import (
 if TYPE_CHECKING:
     from uqpen.distributions.measurements import DistributionFit
 
-__all__ = [
-    "MEASURED",
-    "read_constraints",
-    "read_frozen",
-    "read_inputs",
-]
-
 # The keys that stand where the name of a distribution would.
 _FROZEN = (*LIBRARIES, OBJECT)
 

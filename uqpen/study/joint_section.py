@@ -31,13 +31,6 @@ from uqpen.distributions.joint_distribution import JointDistribution, RandomInpu
 from uqpen.study.table_reader import OBJECT, TableReader, read_named_object
 from uqpen.study.user_defined_members import COPULA, read_class
 
-__all__ = [
-    "Groups",
-    "Inputs",
-    "read_dependence",
-    "read_groups",
-]
-
 _KINDS = ("sample", "chaospy", OBJECT)
 _SAMPLE = 'a CSV or NetCDF file beside the study, with a column such as "x [cm]" for each input'
 
@@ -55,19 +48,11 @@ class Inputs:
 
 @dataclass(frozen=True)
 class Groups:
-    """The groups of inputs without a mistake, their inputs, and the names of all grouped inputs.
-
-    Attributes
-    ----------
-    groups : tuple of InputGroup
-    entries : mapping of str to RandomInput
-        By the name of an input.
-    owners : mapping of str to str
-        For each input, also of a group with a mistake, the name of its group.
-    """
+    """The groups of inputs without a mistake, their inputs, and the names of all grouped inputs."""
 
     groups: tuple[InputGroup, ...]
-    entries: Mapping[str, RandomInput]
+    entries: Mapping[str, RandomInput]  # by the name of an input
+    # For each input, also of a group with a mistake, the name of its group.
     owners: Mapping[str, str]
 
     @property

@@ -50,8 +50,6 @@ from uqpen.study.surrogates_section import check_surrogates, read_surrogates, re
 from uqpen.study.table_reader import StudyParts, TableReader
 from uqpen.surrogates.surrogate import Surrogate
 
-__all__ = ["load_study", "parse_study", "pilot_study", "read_study"]
-
 
 def load_study(path: str | Path) -> ValidatedStudy:
     """Read a study file.

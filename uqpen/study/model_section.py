@@ -38,23 +38,6 @@ from uqpen.study.table_reader import OBJECT, TableReader, check_names, named_tab
 from uqpen.study.user_defined_members import MODEL, installed_names, is_reference, read_instance
 from uqpen.study.variables_section import Variables, read_variables, refuse_grids
 
-__all__ = [
-    "USER_DEFINED_MODELS",
-    "ModelsTogether",
-    "PartialModel",
-    "check_stand_ins",
-    "check_variants",
-    "find_variable_faults",
-    "mentioned_model",
-    "read_limits",
-    "read_model",
-    "read_model_class",
-    "read_models",
-    "read_object",
-    "read_partial_model",
-    "unloaded_function",
-]
-
 _WORD = re.compile(r"[^\W\d]\w*")
 
 
@@ -449,18 +432,10 @@ def read_object(table: TableReader) -> Model | None:
 
 @dataclass(frozen=True, eq=False)
 class ModelsTogether(Model):
-    """The first model of a study with the inputs that only others take; it cannot be run.
+    """The first model of a study with the inputs that only others take; it cannot be run."""
 
-    Parameters
-    ----------
-    first : Model
-        It has all outputs of the study.
-    further_inputs : tuple of Input
-        Inputs of the others that the first does not have.
-    """
-
-    first: Model
-    further_inputs: tuple[Input, ...]
+    first: Model  # it has all outputs of the study
+    further_inputs: tuple[Input, ...]  # inputs of the others that the first does not have
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "inputs", (*self.first.inputs, *self.further_inputs))

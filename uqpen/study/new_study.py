@@ -19,20 +19,6 @@ from uqpen.models.data.data_file import DataColumn, DataFile, read_data_file
 from uqpen.models.data.data_model import REASON, STATUS, data_coordinates, data_results
 from uqpen.study.data_section import OTHER_COLUMNS
 
-__all__ = [
-    "FILL_IN",
-    "DataDraft",
-    "Draft",
-    "DraftInput",
-    "check_names",
-    "command_draft",
-    "data_draft",
-    "function_draft",
-    "head_lines",
-    "line",
-    "surrogate_lines",
-]
-
 FILL_IN = "FILL IN"
 # Width of an input that nothing is known of, relative to its nominal value.
 _SPREAD = 0.1
@@ -41,52 +27,26 @@ _COLUMN = 30
 
 @dataclass(frozen=True)
 class DraftInput:
-    """Input of a model, as far as its source states it.
+    """Input of a model, as far as its source states it."""
 
-    Parameters
-    ----------
-    name : str
-        Its name.
-    nominal : float or None
-        Its default, in `unit`.
-    unit : str
-        Its unit; empty if nothing states it.
-    """
-
-    name: str
-    nominal: float | None = None
-    unit: str = ""
+    name: str  # its name
+    nominal: float | None = None  # its default, in `unit`
+    unit: str = ""  # its unit; empty if nothing states it
 
 
 @dataclass(frozen=True)
 class Draft:
-    """Draft of a study.
+    """Draft of a study."""
 
-    Parameters
-    ----------
-    title : str
-        What is studied.
-    model : tuple of str
-        Lines of the table ``[model]`` and of tables in it, without inputs and outputs.
-    inputs : tuple of DraftInput
-        The inputs of the model.
-    outputs : tuple of str
-        The names of its outputs; the first is a stand-in where `knows_outputs` is false.
-    knows_outputs : bool
-        Whether the source of the model names its outputs.
-    readings : tuple of str
-        Lines of the table ``[model.read]`` of a program.
-    remarks : tuple of str
-        What the reader should know of the model.
-    """
-
-    title: str
+    title: str  # what is studied
+    # Lines of the table ``[model]`` and of tables in it, without inputs and outputs.
     model: tuple[str, ...]
-    inputs: tuple[DraftInput, ...]
+    inputs: tuple[DraftInput, ...]  # the inputs of the model
+    # The names of its outputs; the first is a stand-in where `knows_outputs` is false.
     outputs: tuple[str, ...]
-    knows_outputs: bool = True
-    readings: tuple[str, ...] = ()
-    remarks: tuple[str, ...] = ()
+    knows_outputs: bool = True  # whether the source of the model names its outputs
+    readings: tuple[str, ...] = ()  # lines of the table ``[model.read]`` of a program
+    remarks: tuple[str, ...] = ()  # what the reader should know of the model
 
     def text(self, file: str) -> str:
         """Return the text of a study file of this name; `uqpen check` accepts it as it is."""
@@ -401,31 +361,16 @@ _MEANINGS = {
 
 @dataclass(frozen=True)
 class DataDraft:
-    """Draft of a study of a data file.
+    """Draft of a study of a data file."""
 
-    Parameters
-    ----------
-    reference : str
-        The path of the file as the study names it.
-    rows : int
-        Number of its runs.
-    inputs, outputs : tuple of DataColumn
-        The columns that are inputs, and those that are taken for outputs.
-    guess : str
-        Why these are taken for outputs.
-    others : tuple of str
-        The columns with a meaning of their own.
-    ignored : dict of str to str
-        Why a column can be neither input nor output, by name.
-    """
-
-    reference: str
-    rows: int
+    reference: str  # the path of the file as the study names it
+    rows: int  # number of its runs
+    # With outputs: the columns that are inputs, and those that are taken for outputs.
     inputs: tuple[DataColumn, ...]
     outputs: tuple[DataColumn, ...]
-    guess: str
-    others: tuple[str, ...]
-    ignored: dict[str, str]
+    guess: str  # why these are taken for outputs
+    others: tuple[str, ...]  # the columns with a meaning of their own
+    ignored: dict[str, str]  # why a column can be neither input nor output, by name
 
     def text(self, file: str) -> str:
         """Return the text of a study file of this name; `uqpen check` accepts it as it is."""

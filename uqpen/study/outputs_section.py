@@ -38,16 +38,6 @@ from uqpen.study.table_reader import (
     named_tables,
 )
 
-__all__ = [
-    "ANALYSES_KEY",
-    "derive_outputs",
-    "is_derived",
-    "read_analyses",
-    "read_joint_probabilities",
-    "read_published",
-    "read_quantities_of_interest",
-]
-
 _OF, _TAKE, _AT = "of", "take", "at"
 # A key with the name of a dimension, ``time_of``, and the reductions by its values.
 _PLACE_OF = "_of"

@@ -48,16 +48,6 @@ from uqpen.study.user_defined_members import DESIGN, DISTRIBUTION, MODEL, SURROG
 from uqpen.surrogates import SURROGATES
 from uqpen.surrogates.surrogate import Surrogate
 
-__all__ = [
-    "OutputSpec",
-    "PythonModel",
-    "Study",
-    "StudyContent",
-    "is_data",
-    "joint_paths",
-    "load_study",
-]
-
 # Settings of an output with dimensions, which belong to the model.
 _OF_MODEL = ("along", "may_end", "on", "interpolation")
 
@@ -80,8 +70,8 @@ class PythonModel:
         for a number without a unit. For an output with dimensions an `OutputSpec` with
         `unit`, `along`, `may_end`, `on` and `interpolation`.
     vectorized : bool
-        True if it takes arrays of shape (run,) and returns arrays of shape (run, *dims), False for
-        the inputs and outputs of one run.
+        True if it takes arrays of shape ``(run,)`` and returns arrays of shape ``(run, *dims)``,
+        False for the inputs and outputs of one run.
     time_limit, memory_limit : str, optional
         Limits of one run, such as ``"5 min"`` and ``"2 GB"``.
     replaced : mapping of str to str or float, optional

@@ -23,27 +23,17 @@ from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.user_defined_analysis import UserDefinedAnalysis
 from uqpen.surrogates.surrogate import Surrogate
 
-__all__ = ["ONLY_MODEL", "StandIn", "SurrogateOrigin", "ValidatedStudy", "Variant", "family_costs"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class StandIn:
-    """Model that another one stands for, and the cost of a run in its place.
+    """Model that another one stands for, and the cost of a run in its place."""
 
-    Parameters
-    ----------
-    stands_for : str
-        The name of that model.
-    cost : float
-        Cost of a run, relative to one of that model.
-    """
-
-    stands_for: str = name()
+    stands_for: str = name()  # the name of that model
     cost: float = number(
         above=0,
         below=1,
         expected="the cost of a run over that of the model it stands for, above 0 and below 1",
-    )
+    )  # cost of a run, relative to one of that model
 
 
 def family_costs(first: str, stand_ins: Mapping[str, StandIn]) -> dict[str, float]:
@@ -68,21 +58,11 @@ ONLY_MODEL = ""
 
 @dataclass(frozen=True)
 class Variant:
-    """A model as a study uses it.
+    """A model as a study uses it."""
 
-    Parameters
-    ----------
-    model : Model
-        The model to run.
-    given : mapping of str to float
-        Values of inputs that replace the study's own, in SI units.
-    stand_in : StandIn, optional
-        The model that it stands for, and what a run of it costs.
-    """
-
-    model: Model
-    given: Mapping[str, float]
-    stand_in: StandIn | None = None
+    model: Model  # the model to run
+    given: Mapping[str, float]  # values of inputs that replace the study's own, in SI units
+    stand_in: StandIn | None = None  # the model that it stands for, and what a run of it costs
 
     def with_model(self, model: Model) -> Variant:
         """Return the variant with another form of its model, and the same derived outputs."""
@@ -90,86 +70,45 @@ class Variant:
 
 
 class SurrogateOrigin(NamedTuple):
-    """Origin of a user-defined surrogate.
+    """Origin of a user-defined surrogate."""
 
-    Attributes
-    ----------
-    kind : str
-        The reference, the entry point or the object that the study names.
-    files : tuple of FileSnapshot
-        The files that it was loaded from.
-    """
-
-    kind: str
-    files: tuple[FileSnapshot, ...] = ()
+    kind: str  # the reference, the entry point or the object that the study names
+    files: tuple[FileSnapshot, ...] = ()  # the files that it was loaded from
 
 
 @dataclass(frozen=True)
 class ValidatedStudy:
-    """A model, the joint distribution of its inputs, designs and quantities of interest.
+    """A model, the joint distribution of its inputs, designs and quantities of interest."""
 
-    Parameters
-    ----------
-    name, title : str
-        The study file's name without its suffix; the title to show.
-    seed : int
-        Seed of all random numbers.
-    models : mapping of str to Variant
-        The models by name, all run at the same points; `ONLY_MODEL` names a single one. The inputs
-        and outputs of the first are the study's.
-    joint : JointDistribution
-        The inputs.
-    constraints : tuple of Constraint
-        Conditions that an admissible point meets.
-    quantities_of_interest : tuple of QuantityOfInterest
-        One for each of the first model's outputs, derived ones too, in its order.
-    designs : mapping of str to Design
-        The runs to make, by name.
-    text : str
-        The study file, verbatim; with a budget, its plan stands in place of that.
-    surrogates : mapping of str to Surrogate
-        The cheap models to fit, by name.
-    published : mapping of str to Publication
-        Published estimates for comparison with its own.
-    folder : Path
-        Folder of the study file, to which the paths of files are relative.
-    failures : FailurePolicy
-        Policy for failed runs.
-    analyses : tuple of UserDefinedAnalysis
-        User-defined functions that yield statistics of each sample.
-    design_modules : mapping of str to tuple of FileSnapshot
-        The files that a user-defined design was loaded from, by its name.
-    surrogate_origins : mapping of str to SurrogateOrigin
-        The origins of user-defined surrogates, by their names.
-    confidence_level : float
-        Confidence level of its intervals.
-    joint_events : tuple of JointEvent
-        Events of several outputs whose probabilities are requested.
-    plan : tuple of str
-        What was planned from a budget and why, a line each.
-    left_out : tuple of str
-        Analyses that it leaves out: ``"sensitivity"``, ``"convergence"``.
-    """
-
-    name: str
+    name: str  # with title: the study file's name without its suffix; the title to show
     title: str
-    seed: int
+    seed: int  # seed of all random numbers
+    # The models by name, all run at the same points; `ONLY_MODEL` names a single one. The inputs
+    # and outputs of the first are the study's.
     models: Mapping[str, Variant]
-    joint: JointDistribution
-    constraints: tuple[Constraint, ...]
+    joint: JointDistribution  # the inputs
+    constraints: tuple[Constraint, ...]  # conditions that an admissible point meets
+    # One for each of the first model's outputs, derived ones too, in its order.
     quantities_of_interest: tuple[QuantityOfInterest, ...]
-    designs: Mapping[str, Design]
-    text: str
+    designs: Mapping[str, Design]  # the runs to make, by name
+    text: str  # the study file, verbatim; with a budget, its plan stands in place of that
+    # The cheap models to fit, by name.
     surrogates: Mapping[str, Surrogate] = field(default_factory=dict)
+    # Published estimates for comparison with its own.
     published: Mapping[str, Publication] = field(default_factory=dict)
-    folder: Path = Path()
-    failures: FailurePolicy = FailurePolicy()
+    folder: Path = Path()  # folder of the study file, to which the paths of files are relative
+    failures: FailurePolicy = FailurePolicy()  # policy for failed runs
+    # User-defined functions that yield statistics of each sample.
     analyses: tuple[UserDefinedAnalysis, ...] = ()
+    # The files that a user-defined design was loaded from, by its name.
     design_modules: Mapping[str, tuple[FileSnapshot, ...]] = field(default_factory=dict)
+    # The origins of user-defined surrogates, by their names.
     surrogate_origins: Mapping[str, SurrogateOrigin] = field(default_factory=dict)
-    confidence_level: float = LEVEL
+    confidence_level: float = LEVEL  # confidence level of its intervals
+    # Events of several outputs whose probabilities are requested.
     joint_events: tuple[JointEvent, ...] = ()
-    plan: tuple[str, ...] = ()
+    plan: tuple[str, ...] = ()  # what was planned from a budget and why, a line each
+    # Analyses that it leaves out: ``"sensitivity"``, ``"convergence"``.
     left_out: tuple[str, ...] = ()
 
     @property

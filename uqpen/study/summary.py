@@ -19,21 +19,6 @@ from uqpen.study import SECTIONS
 from uqpen.study.study import ValidatedStudy
 from uqpen.surrogates.refinement import RefinedDesign
 
-__all__ = [
-    "constraint_lines",
-    "design_rows",
-    "failure_lines",
-    "input_rows",
-    "kept_lines",
-    "models_text",
-    "output_rows",
-    "run_limit_lines",
-    "runs_text",
-    "section_lines",
-    "study_html",
-    "surrogate_rows",
-]
-
 Rows = list[tuple[str, ...]]
 
 

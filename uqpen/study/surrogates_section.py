@@ -31,8 +31,6 @@ from uqpen.surrogates.refinement import (
 )
 from uqpen.surrogates.surrogate import Surrogate, UnloadedSurrogate
 
-__all__ = ["check_surrogates", "read_surrogates", "refined_designs"]
-
 _POINTS = {
     Sampling.QUADRATURE: "the nodes of an integration rule",
     Sampling.TRAJECTORIES: "trajectories",

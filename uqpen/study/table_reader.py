@@ -16,69 +16,28 @@ from uqpen.core.settings import Context, declared_settings
 from uqpen.core.units import ANY_DIMENSION, are_convertible, describe
 from uqpen.study.document import MOST_LISTED, Document
 
-__all__ = [
-    "OBJECT",
-    "SETTINGS",
-    "NamedObject",
-    "StudyParts",
-    "TableReader",
-    "check_names",
-    "family_member",
-    "is_variable_name",
-    "named_tables",
-    "read_named_object",
-]
-
 T = TypeVar("T")
 
 
 class StudyParts(NamedTuple):
-    """Parts of a study to which a section can refer.
+    """Parts of a study to which a section can refer."""
 
-    Parameters
-    ----------
-    model : Model
-        The model with the inputs and outputs of the study.
-    sources : frozenset of str
-        Names of the designs and surrogates.
-    confidence_level : float
-        Confidence level of all intervals.
-    """
-
-    model: Model
-    sources: frozenset[str]
-    confidence_level: float
+    model: Model  # the model with the inputs and outputs of the study
+    sources: frozenset[str]  # names of the designs and surrogates
+    confidence_level: float  # confidence level of all intervals
 
 
 @dataclasses.dataclass(eq=False)
 class TableReader:
-    """A table of a study while it is read; keys that nobody takes are unknown.
+    """A table of a study while it is read; keys that nobody takes are unknown."""
 
-    Parameters
-    ----------
-    document : Document
-        The study that it stands in.
-    folder : Path
-        What the paths of files are relative to.
-    trust : bool
-        True if code that it names may be executed, and servers may get requests.
-    content : dict
-        Its keys and values.
-    path : tuple
-        Keys that lead to it.
-    problems : list of Problem
-        The mistakes in the study.
-    is_given : bool
-        False for a table that the study does not have; it is empty.
-    """
-
-    document: Document
-    folder: Path
-    trust: bool
-    content: dict[str, Any]
-    path: tuple[str | int, ...] = ()
-    problems: list[Problem] = dataclasses.field(default_factory=list)
-    is_given: bool = True
+    document: Document  # the study that it stands in
+    folder: Path  # what the paths of files are relative to
+    trust: bool  # true if code that it names may be executed, and servers may get requests
+    content: dict[str, Any]  # its keys and values
+    path: tuple[str | int, ...] = ()  # keys that lead to it
+    problems: list[Problem] = dataclasses.field(default_factory=list)  # the mistakes in the study
+    is_given: bool = True  # false for a table that the study does not have; it is empty
     _noted: set[Problem] = dataclasses.field(default_factory=set)
     _known: dict[str, None] = dataclasses.field(default_factory=dict)  # a set that keeps its order
 

@@ -27,8 +27,6 @@ from uqpen.models.umbridge import (
 from uqpen.study.table_reader import TableReader
 from uqpen.study.variables_section import Variables, read_variables, refuse_grids
 
-__all__ = ["read_umbridge"]
-
 # How long the server may think about what it offers, in seconds.
 _PATIENCE = 30.0
 

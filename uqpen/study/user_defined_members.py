@@ -31,51 +31,18 @@ from uqpen.study.table_reader import OBJECT, SETTINGS, TableReader, family_membe
 from uqpen.surrogates import ENTRY_POINTS, SURROGATES
 from uqpen.surrogates.surrogate import Surrogate
 
-__all__ = [
-    "COPULA",
-    "DESIGN",
-    "DISTRIBUTION",
-    "MODEL",
-    "SURROGATE",
-    "Files",
-    "class_reference",
-    "installed_names",
-    "is_reference",
-    "named_objects",
-    "named_references",
-    "read_class",
-    "read_instance",
-    "read_member",
-    "user_defined_objects",
-]
-
 Files = tuple[FileSnapshot, ...]
 
 
 class Kind(NamedTuple):
-    """Family that a user-defined class can belong to.
+    """Family that a user-defined class can belong to."""
 
-    Attributes
-    ----------
-    base : type
-        The class that it derives from.
-    family : mapping of str to str
-        The built-in members.
-    group : str
-        The entry points with which installed packages add members.
-    form : str
-        A reference, for a message.
-    can_lack_settings : bool
-        True if a class without settings need not be a dataclass.
-    given : tuple of str
-        Fields that are no settings: the reader of the family's table gives them.
-    """
-
-    base: type
-    family: Mapping[str, str]
-    group: str
-    form: str
-    can_lack_settings: bool = False
+    base: type  # the class that it derives from
+    family: Mapping[str, str]  # the built-in members
+    group: str  # the entry points with which installed packages add members
+    form: str  # A reference, for a message
+    can_lack_settings: bool = False  # true if a class without settings need not be a dataclass
+    # Fields that are no settings: the reader of the family's table gives them.
     given: tuple[str, ...] = ()
 
     @property

@@ -41,13 +41,6 @@ from uqpen.models.run_grid import INTERPOLATIONS, NO_INTERPOLATION, FieldSources
 from uqpen.study.document import inner_table
 from uqpen.study.table_reader import TableReader, is_variable_name
 
-__all__ = [
-    "Variables",
-    "dimensions_from_model",
-    "read_variables",
-    "refuse_grids",
-]
-
 _WITH_UNITS = (".csv", ".nc")
 
 
@@ -198,20 +191,13 @@ class _Found(NamedTuple):
 
 @dataclass(eq=False)
 class _DimensionsReader:
-    """Reader of the dimensions of a model's outputs.
+    """Reader of the dimensions of a model's outputs."""
 
-    Parameters
-    ----------
-    from_model : callable or None
-        Asks the model's code for coordinates; None for a model without such code.
-    files : dict
-        The files with coordinates, by path.
-    shared : dict
-        The dimensions of ``[model.dimensions]`` by name; None for one with a mistake.
-    """
-
+    # Asks the model's code for coordinates; None for a model without such code.
     from_model: _ModelCoordinates | None
+    # The files with coordinates, by path.
     files: dict[Path, FileSnapshot] = field(default_factory=dict)
+    # The dimensions of ``[model.dimensions]`` by name; None for one with a mistake.
     shared: dict[str, Dimension | None] = field(default_factory=dict)
 
     def read_shared(self, model: TableReader) -> None:

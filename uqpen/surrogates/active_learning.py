@@ -35,8 +35,6 @@ from uqpen.surrogates.limit_state_surrogate import (
     surrogate_states,
 )
 
-__all__ = ["ActiveLearning", "NormalMixture", "draw_correction"]
-
 # Mixture of normal distributions: an importance density for a rare event.
 
 # Numbers of components that are tried, and steps of each fit.
@@ -52,20 +50,11 @@ _LEAST_VARIANCE = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class NormalMixture:
-    """Mixture of normal distributions.
+    """Mixture of normal distributions."""
 
-    Parameters
-    ----------
-    shares : ndarray, shape (component,)
-        They add up to 1.
-    means : ndarray, shape (component, input)
-    factors : ndarray, shape (component, input, input)
-        Lower Cholesky factors of the covariances.
-    """
-
-    shares: FloatArray
-    means: FloatArray
-    factors: FloatArray
+    shares: FloatArray  # (component,): they add up to 1
+    means: FloatArray  # (component, input)
+    factors: FloatArray  # (component, input, input): lower Cholesky factors of the covariances
 
     @classmethod
     def around_origin(cls, deviation: float, dimension: int) -> NormalMixture:

@@ -27,20 +27,6 @@ from uqpen.surrogates.field_surrogate import FieldSurrogate, has_fields
 from uqpen.surrogates.fitted_surrogate import FittedSurrogate, Prediction
 from uqpen.surrogates.surrogate import Surrogate
 
-__all__ = [
-    "EXTRAPOLATED",
-    "ArchivedSurrogate",
-    "ExtrapolationWarning",
-    "RefutationWarning",
-    "archived_surrogate",
-    "broadcast_inputs",
-    "input_array",
-    "is_restorable",
-    "restore_surrogate",
-    "std_name",
-    "surrogate_paths",
-]
-
 # Points to predict at, as a caller gives them: quantities, numbers, arrays of either.
 
 
@@ -176,19 +162,6 @@ class RefutationWarning(UserWarning):
 class ArchivedSurrogate:
     """Surrogate of an archive: a function of inputs with units.
 
-    Parameters
-    ----------
-    fitted : FittedSurrogate
-        Its predictions in SI units.
-    inputs : tuple of Input
-        The inputs that varied in the training runs, then those that had one value.
-    outputs : tuple of Output
-        Those that it predicts.
-    ranges : mapping of str to tuple of float
-        The smallest and the largest value of each input in the training runs, in SI units.
-    refuted : mapping of str to str
-        The outputs whose predictions runs refute, each with the reason.
-
     Examples
     --------
     >>> pce = uqpen.open_archive("archives/cantilever.nc").surrogate("pce")  # doctest: +SKIP
@@ -196,10 +169,13 @@ class ArchivedSurrogate:
     ... # doctest: +SKIP
     """
 
-    fitted: FittedSurrogate
+    fitted: FittedSurrogate  # its predictions in SI units
+    # The inputs that varied in the training runs, then those that had one value.
     inputs: tuple[Input, ...]
-    outputs: tuple[Output, ...]
+    outputs: tuple[Output, ...]  # those that it predicts
+    # The smallest and the largest value of each input in the training runs, in SI units.
     ranges: Mapping[str, tuple[float, float]]
+    # The outputs whose predictions runs refute, each with the reason.
     refuted: Mapping[str, str] = field(default_factory=dict)
 
     def __call__(self, **values: Any) -> xr.Dataset:

@@ -38,8 +38,6 @@ from uqpen.surrogates.fitting import CrossFit, cross_fit
 from uqpen.surrogates.surrogate import Surrogate, components_setting
 from uqpen.surrogates.training import TrainedSurrogate, TrainingRuns
 
-__all__ = ["BestSurrogate", "ChosenSurrogates", "FixedChoice", "ModelRace"]
-
 # A race of several surrogates by cross-validation: how far the best one leads.
 
 # A lead is beyond the noise above this number of its standard errors.
@@ -48,24 +46,13 @@ _STANDARD_ERRORS = 2
 
 @dataclass(frozen=True)
 class ModelRace:
-    """Errors of several surrogates of one output at the same runs, which none of them has seen.
+    """Errors of several surrogates of one output at the same runs, which none of them has seen."""
 
-    Parameters
-    ----------
-    winner : str
-        The candidate with the least mean square error.
-    q2 : mapping of str to float
-        Share of the variance that each candidate predicts, the best one first.
-    lead : float
-        Q² of the winner minus that of the next one; NaN without a second.
-    lead_error : float
-        Standard error of the lead, over the runs; NaN without a second.
-    """
-
-    winner: str
+    winner: str  # the candidate with the least mean square error
+    # Share of the variance that each candidate predicts, the best one first.
     q2: Mapping[str, float]
-    lead: float = math.nan
-    lead_error: float = math.nan
+    lead: float = math.nan  # q² of the winner minus that of the next one; NaN without a second
+    lead_error: float = math.nan  # standard error of the lead, over the runs; NaN without a second
 
     @classmethod
     def of_predictions(cls, values: FloatArray, predictions: Mapping[str, FloatArray]) -> ModelRace:
@@ -137,21 +124,12 @@ _NO_CLOSED_FORM = "its kind, {kind}, has no closed forms"
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ChosenSurrogates(TrainedSurrogate, ClosedForms):
-    """Surrogates of several sorts; each predicts some outputs.
+    """Surrogates of several sorts; each predicts some outputs."""
 
-    Parameters
-    ----------
-    members : mapping of str to FittedSurrogate
-        By kind. They may predict other outputs as well.
-    choice : mapping of str to str
-        The kind of each output.
-    races : mapping of str to ModelRace
-        By output, why that kind.
-    """
-
+    # By kind. They may predict other outputs as well.
     members: Mapping[str, FittedSurrogate]
-    choice: Mapping[str, str]
-    races: Mapping[str, ModelRace] = field(default_factory=dict)
+    choice: Mapping[str, str]  # the kind of each output
+    races: Mapping[str, ModelRace] = field(default_factory=dict)  # by output, why that kind
 
     @property
     def logarithms(self) -> frozenset[str]:
@@ -341,15 +319,9 @@ class BestSurrogate(Surrogate):
 
 @dataclass(frozen=True)
 class FixedChoice(BestSurrogate):
-    """Surrogate with a given kind for each output.
+    """Surrogate with a given kind for each output."""
 
-    Parameters
-    ----------
-    choice : mapping of str to str
-        By output; others are not fitted.
-    """
-
-    choice: Mapping[str, str] = field(default_factory=dict)
+    choice: Mapping[str, str] = field(default_factory=dict)  # by output; others are not fitted
 
     def fit(
         self, name: str, runs: xr.Dataset, model: Model, joint: JointDistribution, stream: Stream

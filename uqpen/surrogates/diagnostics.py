@@ -17,21 +17,6 @@ from uqpen.core.variables import Variable
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = [
-    "DIAGNOSTICS",
-    "FIELD",
-    "Diagnostic",
-    "describe",
-    "description",
-    "diagnostics_dataset",
-    "predictive_q2",
-    "quality_text",
-    "refuted_outputs",
-    "shown_diagnostics",
-    "shown_titles",
-    "unfitted_outputs",
-]
-
 # The group with the diagnostics of the fit to an output, in the group of that output.
 DIAGNOSTICS = "diagnostics"
 

@@ -28,17 +28,6 @@ from uqpen.surrogates.diagnostics import (
 from uqpen.surrogates.fitted_surrogate import Prediction
 from uqpen.surrogates.training import size_problem
 
-__all__ = [
-    "FIT_TEXT",
-    "FieldCheck",
-    "FieldFit",
-    "PrincipalComponents",
-    "ScoreModel",
-    "field_components",
-    "score_name",
-    "scored_runs",
-]
-
 # Principal components of a field: its mean and the few shapes that its runs scatter in.
 #
 # A field is its mean plus a sum of components, each times a score. The scores are plain numbers of
@@ -54,27 +43,15 @@ __all__ = [
 
 @dataclass(frozen=True, eq=False)
 class PrincipalComponents:
-    """Mean of a field and its leading principal components.
+    """Mean of a field and its leading principal components."""
 
-    Parameters
-    ----------
-    weights : ndarray, shape (place,)
-        See `uqpen.core.variables.Output.place_weights`.
-    mean : ndarray, shape (place,)
-        Mean of the training runs, in the SI unit of the field.
-    components : ndarray, shape (component, place)
-        Plain numbers, orthonormal under the weights, those of the largest variance first.
-    variances : ndarray, shape (component,)
-        Variance of each score over the training runs.
-    truncated : ndarray, shape (place,)
-        Variance at each place that the components leave.
-    """
-
-    weights: FloatArray
-    mean: FloatArray
+    weights: FloatArray  # (place,): see `uqpen.core.variables.Output.place_weights`
+    mean: FloatArray  # (place,): mean of the training runs, in the SI unit of the field
+    # (component, place): plain numbers, orthonormal under the weights, those of the largest
+    # variance first.
     components: FloatArray
-    variances: FloatArray
-    truncated: FloatArray
+    variances: FloatArray  # (component,): variance of each score over the training runs
+    truncated: FloatArray  # (place,): variance at each place that the components leave
 
     @classmethod
     @one_blas_thread()
@@ -179,17 +156,10 @@ def score_name(output: str, number: int) -> str:
 
 @dataclass(frozen=True, eq=False)
 class ScoreModel(Model):
-    """Model whose outputs are those of another one, with scores in place of its fields.
+    """Model whose outputs are those of another one, with scores in place of its fields."""
 
-    Parameters
-    ----------
-    original : Model
-        A model with fields.
-    components : mapping of str to PrincipalComponents
-        Those of each field; a field without any is left out.
-    """
-
-    original: Model
+    original: Model  # A model with fields
+    # Those of each field; a field without any is left out.
     components: Mapping[str, PrincipalComponents]
 
     @property
@@ -281,23 +251,12 @@ _ROUNDING = 1e-20
 
 @dataclass(frozen=True, eq=False)
 class FieldCheck:
-    """Errors of a surrogate of a field at runs that it was not fitted to.
+    """Errors of a surrogate of a field at runs that it was not fitted to."""
 
-    Parameters
-    ----------
-    runs : int
-        Number of completed runs.
-    left : float
-        Mean square error over the field, as a share of its variance in these runs.
-    truncation : float
-        The part of `left` that no surrogate of the scores can predict.
-    q2 : ndarray, shape (place,)
-        One minus the mean square error at each place over the variance there.
-    """
-
-    runs: int
-    left: float
-    truncation: float
+    runs: int  # number of completed runs
+    left: float  # mean square error over the field, as a share of its variance in these runs
+    truncation: float  # the part of `left` that no surrogate of the scores can predict
+    # (place,): one minus the mean square error at each place over the variance there.
     q2: FloatArray
 
     @classmethod
@@ -322,24 +281,13 @@ class FieldCheck:
 
 @dataclass(frozen=True, eq=False)
 class FieldFit:
-    """Principal components of a field, whose scores a surrogate predicts.
+    """Principal components of a field, whose scores a surrogate predicts."""
 
-    Parameters
-    ----------
-    output : Output
-        The field.
-    components : PrincipalComponents
-    smallest, largest : float
-        The range of the field in the training runs.
-    q2 : float
-        Share of the variance predicted at training runs left out; NaN if unknown.
-    check : FieldCheck, optional
-    """
-
-    output: Output
+    output: Output  # the field
     components: PrincipalComponents
-    smallest: float
+    smallest: float  # with largest: the range of the field in the training runs
     largest: float
+    # Share of the variance predicted at training runs left out; NaN if unknown.
     q2: float = math.nan
     check: FieldCheck | None = None
 

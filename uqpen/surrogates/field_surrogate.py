@@ -25,35 +25,17 @@ from uqpen.surrogates.field_fit import (
 from uqpen.surrogates.fitted_surrogate import FittedSurrogate, Prediction
 from uqpen.surrogates.surrogate import Surrogate
 
-__all__ = ["FieldSurrogate", "fit_fields", "has_fields"]
-
 
 @dataclass(frozen=True, eq=False)
 class FieldSurrogate(FittedSurrogate):
-    """Surrogate that predicts fields by the scores of their principal components.
+    """Surrogate that predicts fields by the scores of their principal components."""
 
-    Parameters
-    ----------
-    name : str
-        Its name in the study.
-    inputs : tuple of Input
-        Those of the model that it stands for.
-    outputs : tuple of Output
-        Those that could be fitted.
-    scalars : FittedSurrogate
-        A surrogate of any kind, of the scalar outputs and of the scores.
-    fields : mapping of str to FieldFit
-        The components of each field.
-    reasons, fixed, original
-        As in `FittedSurrogate`.
-    """
-
-    name: str
-    inputs: tuple[Input, ...]
-    outputs: tuple[Output, ...]
-    scalars: FittedSurrogate
-    fields: Mapping[str, FieldFit]
-    reasons: Mapping[str, str]
+    name: str  # its name in the study
+    inputs: tuple[Input, ...]  # those of the model that it stands for
+    outputs: tuple[Output, ...]  # those that could be fitted
+    scalars: FittedSurrogate  # A surrogate of any kind, of the scalar outputs and of the scores
+    fields: Mapping[str, FieldFit]  # the components of each field
+    reasons: Mapping[str, str]  # with fixed, original: as in `FittedSurrogate`
     fixed: Mapping[str, float]
     original: Model | None = None
 

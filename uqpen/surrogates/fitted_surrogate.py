@@ -17,8 +17,6 @@ from uqpen.core.status import Status
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["ClosedForms", "FittedSurrogate", "InputShares", "Prediction"]
-
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
@@ -144,19 +142,11 @@ class FittedSurrogate(Model):
 
 @dataclass(frozen=True, eq=False)
 class InputShares:
-    """Shares of the variance of an output that the inputs have.
+    """Shares of the variance of an output that the inputs have."""
 
-    Parameters
-    ----------
-    first, total : ndarray, shape (input,)
-        First-order and total-order Sobol' indices.
-    shapley : ndarray, shape (input,)
-        Shapley effects; their sum is 1.
-    """
-
-    first: FloatArray
+    first: FloatArray  # with total: (input,): first-order and total-order Sobol' indices
     total: FloatArray
-    shapley: FloatArray
+    shapley: FloatArray  # (input,): shapley effects; their sum is 1
 
 
 class ClosedForms(ABC):

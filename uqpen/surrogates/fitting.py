@@ -23,8 +23,6 @@ from uqpen.surrogates.surrogate import Surrogate
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["FOLDS", "CrossFit", "cross_fit", "fit_surrogate", "is_built_in"]
-
 # Attributes that every reader of an archive needs.
 _NEEDED = ("kind", "design", "outputs", "runs_used")
 
@@ -117,21 +115,11 @@ _FEW = "{runs} training runs are too few for {folds} folds"
 
 @dataclass(frozen=True, eq=False)
 class CrossFit:
-    """Fits of a surrogate, each without one fold of its training runs.
+    """Fits of a surrogate, each without one fold of its training runs."""
 
-    Parameters
-    ----------
-    fold : ndarray of int, shape (run,)
-        The fold of each training run.
-    models : tuple of FittedSurrogate
-        By fold, the fit to the other ones; none with a reason.
-    reason : str
-        Reason why there are no folds; empty where there are.
-    """
-
-    fold: IntArray
-    models: tuple[FittedSurrogate, ...]
-    reason: str = ""
+    fold: IntArray  # (run,): the fold of each training run
+    models: tuple[FittedSurrogate, ...]  # by fold, the fit to the other ones; none with a reason
+    reason: str = ""  # reason why there are no folds; empty where there are
 
     @classmethod
     def without_folds(cls, runs: int, reason: str) -> CrossFit:

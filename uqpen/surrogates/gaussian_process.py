@@ -34,8 +34,6 @@ from uqpen.surrogates.training import logarithm_problem
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["GaussianProcess", "LeftOutErrors"]
-
 # Errors of a Gaussian process at runs left out, and the factor that they give its deviations.
 #
 # At each run the process is conditioned on all the others, in closed form. Its lengths and its
@@ -56,18 +54,10 @@ _COVERAGE, _HALF_WIDTH = 0.95, 1.959964
 
 @dataclass(frozen=True, eq=False)
 class LeftOutErrors:
-    """Errors at runs left out.
+    """Errors at runs left out."""
 
-    Parameters
-    ----------
-    errors : ndarray, shape (run,)
-        Of the prediction from the other runs.
-    deviations : ndarray, shape (run,)
-        Their standard deviations by the process.
-    """
-
-    errors: FloatArray
-    deviations: FloatArray
+    errors: FloatArray  # (run,): of the prediction from the other runs
+    deviations: FloatArray  # (run,): their standard deviations by the process
 
     @classmethod
     def of_runs(

@@ -17,22 +17,6 @@ from uqpen.surrogates.diagnostics import Diagnostic
 from uqpen.surrogates.fitted_surrogate import Prediction
 from uqpen.surrogates.separate_fits import OutputFit
 
-__all__ = [
-    "FEW_RUNS",
-    "SMOOTHNESS",
-    "ConditionedProcess",
-    "GaussianProcessFit",
-    "Parameters",
-    "ProcessData",
-    "StandardisedInputs",
-    "correlations",
-    "correlations_and_slopes",
-    "improve_parameters",
-    "likeliest_parameters",
-    "negative_log_likelihood",
-    "trend_terms",
-]
-
 # Matérn correlations, with a length for each input.
 #
 # References
@@ -83,18 +67,10 @@ def _scaled_distances(one: FloatArray, other: FloatArray, smoothness: float) -> 
 
 @dataclass(frozen=True, eq=False)
 class StandardisedInputs:
-    """Map from the inputs to coordinates of mean 0 and variance 1 in the training runs.
+    """Map from the inputs to coordinates of mean 0 and variance 1 in the training runs."""
 
-    Parameters
-    ----------
-    is_logarithm : ndarray of int, shape (input,)
-        1 where the coordinate is of the input's logarithm.
-    location, scale : ndarray, shape (input,)
-        Of the input, or of its logarithm.
-    """
-
-    is_logarithm: IntArray
-    location: FloatArray
+    is_logarithm: IntArray  # (input,): 1 where the coordinate is of the input's logarithm
+    location: FloatArray  # with scale: (input,): of the input, or of its logarithm
     scale: FloatArray
 
     @classmethod
@@ -131,51 +107,27 @@ _LARGEST_DEVIATION = 15.0
 
 @dataclass(frozen=True, eq=False)
 class GaussianProcessFit(OutputFit):
-    """Gaussian process given the runs of an output, or of its logarithm.
+    """Gaussian process given the runs of an output, or of its logarithm."""
 
-    Parameters
-    ----------
-    input_is_logarithm, input_location, input_scale : ndarray, shape (input,)
-        Map from the inputs to coordinates; see `StandardisedInputs`.
-    points : ndarray, shape (run, input)
-        Coordinates of the training runs, in units of `lengths`.
-    lengths : ndarray, shape (input,)
-        Correlation lengths, in standard deviations of the input over the training runs.
-    nugget : float
-        Variance of the noise, as a share of that of the process.
-    weights : ndarray, shape (run,)
-        Factors of the correlations with the training runs in the mean.
-    trend : ndarray, shape (term,)
-        Coefficients of the constant and, of a linear trend, of each coordinate.
-    std : float
-        Standard deviation of the process, with the factor that runs left out give it.
-    std_factor : float
-        That factor.
-    centre, scale : float
-        The fitted variable is `centre` plus `scale` times the process.
-    smoothness : float
-        That of the Matérn correlations.
-    q2 : float
-        Share of the variance predicted at runs left out.
-    of_logarithm : int
-        1 where the process is of the logarithm.
-    """
-
+    # With input_location, input_scale: (input,): map from the inputs to coordinates; see
+    # `StandardisedInputs`.
     input_is_logarithm: IntArray
     input_location: FloatArray
     input_scale: FloatArray
-    points: FloatArray
+    points: FloatArray  # (run, input): coordinates of the training runs, in units of `lengths`
+    # (input,): correlation lengths, in standard deviations of the input over the training runs.
     lengths: FloatArray
-    nugget: float
-    weights: FloatArray
+    nugget: float  # variance of the noise, as a share of that of the process
+    weights: FloatArray  # (run,): factors of the correlations with the training runs in the mean
+    # (term,): coefficients of the constant and, of a linear trend, of each coordinate.
     trend: FloatArray
-    std: float
-    std_factor: float
-    centre: float
+    std: float  # standard deviation of the process, with the factor that runs left out give it
+    std_factor: float  # that factor
+    centre: float  # with scale: the fitted variable is `centre` plus `scale` times the process
     scale: float
-    smoothness: float
-    q2: float
-    of_logarithm: int
+    smoothness: float  # that of the Matérn correlations
+    q2: float  # share of the variance predicted at runs left out
+    of_logarithm: int  # 1 where the process is of the logarithm
 
     @property
     def is_of_logarithm(self) -> bool:
@@ -277,43 +229,21 @@ _SINGULAR = 1e10
 
 @dataclass(frozen=True, eq=False)
 class Parameters:
-    """Parameters that the correlations depend on.
+    """Parameters that the correlations depend on."""
 
-    Parameters
-    ----------
-    lengths : ndarray, shape (input,)
-        In the units of the coordinates.
-    nugget : float
-        Variance of the noise, as a share of that of the process.
-    """
-
-    lengths: FloatArray
-    nugget: float
+    lengths: FloatArray  # (input,): in the units of the coordinates
+    nugget: float  # variance of the noise, as a share of that of the process
 
 
 @dataclass(frozen=True, eq=False)
 class ProcessData:
-    """Runs that a Gaussian process is fitted to.
+    """Runs that a Gaussian process is fitted to."""
 
-    Parameters
-    ----------
-    points : ndarray, shape (run, input)
-        Coordinates of variance about 1.
-    values : ndarray, shape (run,)
-        The output, of variance about 1.
-    trend : ndarray, shape (run, term)
-        The terms of the trend at the points.
-    smoothness : float
-        That of the Matérn correlations.
-    nugget : float or None
-        A given nugget; None if it is estimated.
-    """
-
-    points: FloatArray
-    values: FloatArray
-    trend: FloatArray
-    smoothness: float
-    nugget: float | None = None
+    points: FloatArray  # (run, input): coordinates of variance about 1
+    values: FloatArray  # (run,): the output, of variance about 1
+    trend: FloatArray  # (run, term): the terms of the trend at the points
+    smoothness: float  # that of the Matérn correlations
+    nugget: float | None = None  # A given nugget; None if it is estimated
 
     def part(self, runs: IntArray) -> ProcessData:
         """Return some of the runs."""
@@ -323,28 +253,15 @@ class ProcessData:
 
 @dataclass(frozen=True, eq=False)
 class ConditionedProcess:
-    """Gaussian process given its runs, at some lengths and nugget.
+    """Gaussian process given its runs, at some lengths and nugget."""
 
-    Parameters
-    ----------
-    inverse : ndarray, shape (run, run)
-        R⁻¹ - R⁻¹H (HᵀR⁻¹H)⁻¹ HᵀR⁻¹, with R the correlations and H the trend: all that a likelihood
-        needs of both.
-    weights : ndarray, shape (run,)
-        It times the values.
-    coefficients : ndarray, shape (term,)
-        Of the trend, by generalised least squares.
-    variance : float
-        That of the process.
-    log_determinants : float
-        ln det R + ln det HᵀR⁻¹H.
-    """
-
+    # (run, run): r⁻¹ - R⁻¹H (HᵀR⁻¹H)⁻¹ HᵀR⁻¹, with R the correlations and H the trend: all that a
+    # likelihood needs of both.
     inverse: FloatArray
-    weights: FloatArray
-    coefficients: FloatArray
-    variance: float
-    log_determinants: float
+    weights: FloatArray  # (run,): it times the values
+    coefficients: FloatArray  # (term,): of the trend, by generalised least squares
+    variance: float  # that of the process
+    log_determinants: float  # ln det R + ln det HᵀR⁻¹H
 
     @classmethod
     def of_runs(

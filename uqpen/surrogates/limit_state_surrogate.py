@@ -29,17 +29,6 @@ from uqpen.surrogates.gaussian_process_fit import (
     correlations,
 )
 
-__all__ = [
-    "EXPECTED_FEASIBILITY",
-    "U_FUNCTION",
-    "LimitStateSurrogate",
-    "PredictedEvents",
-    "SurrogateStates",
-    "choose_batch",
-    "learning_criterion",
-    "surrogate_states",
-]
-
 # Surrogate of a limit state: a Gaussian process for the excess over each limit.
 
 # Points that are predicted at a time: their correlations with the runs stay small in memory.
@@ -47,34 +36,19 @@ _PART = 8192
 
 
 class PredictedEvents(NamedTuple):
-    """Predictions of an event.
+    """Predictions of an event."""
 
-    Parameters
-    ----------
-    occurs : ndarray of bool, shape (point,)
-        True where the means of the processes predict the event.
-    error_probability : ndarray, shape (point,)
-        That of the other outcome than the predicted one.
-    """
-
-    occurs: BoolArray
-    error_probability: FloatArray
+    occurs: BoolArray  # (point,): true where the means of the processes predict the event
+    error_probability: FloatArray  # (point,): that of the other outcome than the predicted one
 
 
 @dataclass(frozen=True, eq=False)
 class LimitStateSurrogate:
-    """Gaussian processes of the excess of each output over its limit.
-
-    Parameters
-    ----------
-    joint : JointDistribution
-    event : LimitState
-    fits : tuple of GaussianProcessFit
-        One for each limit, in units of the distances in which limits are compared.
-    """
+    """Gaussian processes of the excess of each output over its limit."""
 
     joint: JointDistribution
     event: LimitState
+    # One for each limit, in units of the distances in which limits are compared.
     fits: tuple[GaussianProcessFit, ...]
 
     @classmethod
@@ -169,18 +143,11 @@ _STATES, _CHAINS, _LEVELS = 1000, 100, 12
 
 @dataclass(frozen=True, eq=False)
 class SurrogateStates:
-    """States of all levels.
+    """States of all levels."""
 
-    Parameters
-    ----------
-    points : ndarray, shape (state, input)
-        In standard normal space.
-    weights : ndarray, shape (state,)
-        Probability that each stands for; that of the states before the last level without those
-        that have reached the next one.
-    """
-
-    points: FloatArray
+    points: FloatArray  # (state, input): in standard normal space
+    # (state,): probability that each stands for; that of the states before the last level without
+    # those that have reached the next one.
     weights: FloatArray
 
 

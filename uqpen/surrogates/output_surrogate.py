@@ -23,8 +23,6 @@ from uqpen.surrogates.training import TrainingRuns
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["OutputSurrogate", "fit_separately", "unfitted"]
-
 # Fits an output; its arguments are those of `OutputSurrogate.fit_output`, after the output itself.
 Fit = Callable[[Output, FloatArray, FloatArray, np.random.Generator], OutputFit | str]
 

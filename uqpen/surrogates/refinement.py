@@ -29,19 +29,6 @@ if TYPE_CHECKING:
 
     from uqpen.surrogates.fitting import CrossFit
 
-__all__ = [
-    "FOR_MEAN",
-    "FOR_PROBABILITIES",
-    "Placement",
-    "PredictedError",
-    "RefinedDesign",
-    "RefinedModel",
-    "RefinedOutput",
-    "Refinement",
-    "place",
-    "predicted_errors",
-]
-
 # Candidates for each point.
 _CANDIDATES = 64
 # A round makes at most this part of the runs before it, so that later ones know more.
@@ -50,48 +37,25 @@ _ROUND_PART = 2
 
 @dataclass(frozen=True, eq=False)
 class RefinedModel:
-    """A model of a study, with the outputs whose surrogate is to be refined.
-
-    Parameters
-    ----------
-    model : Model
-    given : mapping of str to float
-        Values of its inputs that replace those of the study, in SI units.
-    targets : tuple of RefinedOutput
-    """
+    """A model of a study, with the outputs whose surrogate is to be refined."""
 
     model: Model
-    given: Mapping[str, float]
+    given: Mapping[str, float]  # values of its inputs that replace those of the study, in SI units
     targets: tuple[RefinedOutput, ...]
 
 
 @dataclass(frozen=True)
 class RefinedDesign(Design):
-    """Independent draws, and then rounds of points where a surrogate expects to err.
-
-    Parameters
-    ----------
-    initial : MonteCarlo
-        The first round, with a fixed number of runs.
-    name : str
-        The name of the surrogate.
-    surrogate : Surrogate
-    runs : int
-        Number of runs after the first round.
-    models : mapping of str to RefinedModel
-        The models of the study, which all run all points.
-    constraints : tuple of Constraint
-        Of the inputs.
-    """
+    """Independent draws, and then rounds of points where a surrogate expects to err."""
 
     sampling = Sampling.INDEPENDENT
 
-    initial: MonteCarlo
-    name: str
+    initial: MonteCarlo  # the first round, with a fixed number of runs
+    name: str  # the name of the surrogate
     surrogate: Surrogate
-    runs: int
-    models: Mapping[str, RefinedModel]
-    constraints: tuple[Constraint, ...] = ()
+    runs: int  # number of runs after the first round
+    models: Mapping[str, RefinedModel]  # the models of the study, which all run all points
+    constraints: tuple[Constraint, ...] = ()  # of the inputs
 
     def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
         drawn = points_in_memory(next(self.initial.rounds(joint, stream)))
@@ -198,34 +162,21 @@ FOR_MEAN, FOR_PROBABILITIES = "mean", "probabilities"
 
 @dataclass(frozen=True, kw_only=True)
 class Refinement:
-    """Further runs of the design that a surrogate is fitted to.
+    """Further runs of the design that a surrogate is fitted to."""
 
-    Parameters
-    ----------
-    refine : int, optional
-        Number of further runs; without it, there are none.
-    refine_for : str
-        What they sharpen: ``"mean"``, the corrected means of all outputs, or ``"probabilities"``,
-        those of the thresholds of the study.
-    """
-
+    # Number of further runs; without it, there are none.
     refine: int | None = count(minimum=10, maximum=100_000, default=None)
+    # What they sharpen: ``"mean"``, the corrected means of all outputs, or ``"probabilities"``,
+    # those of the thresholds of the study.
     refine_for: str = choice(FOR_MEAN, FOR_PROBABILITIES, default=FOR_MEAN)
 
 
 @dataclass(frozen=True)
 class RefinedOutput:
-    """An output whose estimates are to be sharpened.
+    """An output whose estimates are to be sharpened."""
 
-    Parameters
-    ----------
-    output : str
-        Its name.
-    limits : tuple of float
-        Thresholds whose probabilities are meant, in its SI unit; its mean where there are none.
-    """
-
-    output: str
+    output: str  # its name
+    # Thresholds whose probabilities are meant, in its SI unit; its mean where there are none.
     limits: tuple[float, ...] = ()
 
 
@@ -238,18 +189,12 @@ class RefinedOutput:
 
 @dataclass(frozen=True, eq=False)
 class PredictedError:
-    """Expected square of the error that a run corrects, at candidates for further runs.
+    """Expected square of the error that a run corrects, at candidates for further runs."""
 
-    Parameters
-    ----------
-    squares : ndarray, shape (candidate,)
-        Of an output, or of whether it exceeds a threshold: then the probability of a disagreement.
-    is_of_event : bool
-        True for a threshold.
-    """
-
+    # (candidate,): of an output, or of whether it exceeds a threshold: then the probability of a
+    # disagreement.
     squares: FloatArray
-    is_of_event: bool
+    is_of_event: bool  # true for a threshold
 
 
 def predicted_errors(
@@ -321,24 +266,12 @@ _CLEARLY_SMALLER = 0.9
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """Chosen candidates.
+    """Chosen candidates."""
 
-    Parameters
-    ----------
-    candidates : ndarray of int, shape (point,)
-        Their numbers among all candidates.
-    weights : ndarray, shape (point,)
-        Density of the inputs over that of the placement.
-    share : float
-        Share of the points that were drawn as the inputs are.
-    gain : float
-        The promised variance of the evidence, over that of as many draws of the inputs.
-    """
-
-    candidates: IntArray
-    weights: FloatArray
-    share: float
-    gain: float
+    candidates: IntArray  # (point,): their numbers among all candidates
+    weights: FloatArray  # (point,): density of the inputs over that of the placement
+    share: float  # share of the points that were drawn as the inputs are
+    gain: float  # the promised variance of the evidence, over that of as many draws of the inputs
 
 
 def place(

@@ -29,8 +29,6 @@ from uqpen.surrogates.diagnostics import (
 from uqpen.surrogates.fitted_surrogate import Prediction
 from uqpen.surrogates.training import TrainedSurrogate
 
-__all__ = ["FittedOutput", "OutputFit", "SeparateFits", "predict_output"]
-
 
 class OutputFit(ABC):
     """Fit to one output of a model: a frozen dataclass that predicts the output.
@@ -107,25 +105,13 @@ _ROWS = 4096
 
 @dataclass(frozen=True, eq=False)
 class FittedOutput:
-    """Fit to an output, with what is known of its quality.
+    """Fit to an output, with what is known of its quality."""
 
-    Parameters
-    ----------
-    output : Output
-        The model output that it approximates.
-    fit : OutputFit
-        Its predictions.
-    smallest, largest : float
-        The range of the output in the training runs.
-    checks : tuple of Diagnostic
-        Prediction errors at runs of another design.
-    """
-
-    output: Output
-    fit: OutputFit
-    smallest: float
+    output: Output  # the model output that it approximates
+    fit: OutputFit  # its predictions
+    smallest: float  # with largest: the range of the output in the training runs
     largest: float
-    checks: tuple[Diagnostic, ...] = ()
+    checks: tuple[Diagnostic, ...] = ()  # prediction errors at runs of another design
 
     def with_check(self, points: FloatArray, truth: FloatArray) -> FittedOutput:
         """Return a copy with its prediction errors at other runs."""
@@ -164,18 +150,10 @@ class FittedOutput:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SeparateFits(TrainedSurrogate):
-    """Surrogate with a fit of its own for each output.
+    """Surrogate with a fit of its own for each output."""
 
-    Parameters
-    ----------
-    fitted : mapping of str to FittedOutput
-        The fit to each output.
-    kind : str
-        The class of its settings, as an archive names it.
-    """
-
-    fitted: Mapping[str, FittedOutput]
-    kind: str
+    fitted: Mapping[str, FittedOutput]  # the fit to each output
+    kind: str  # the class of its settings, as an archive names it
 
     def predict(self, inputs: Arrays) -> dict[str, Prediction]:
         """Predict its outputs; see `FittedSurrogate.predict`."""

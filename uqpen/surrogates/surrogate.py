@@ -18,8 +18,6 @@ from uqpen.surrogates.fitted_surrogate import FittedSurrogate
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["DEFAULT_COMPONENTS", "Surrogate", "UnloadedSurrogate", "components_setting"]
-
 # The truncation then leaves at most 1 % of the standard deviation.
 DEFAULT_COMPONENTS = 0.9999
 
@@ -130,24 +128,12 @@ class Surrogate(ABC):
 
 @dataclass(frozen=True)
 class UnloadedSurrogate(Surrogate):
-    """Surrogate known by its name only: a reference, or an object of a program.
+    """Surrogate known by its name only: a reference, or an object of a program."""
 
-    Parameters
-    ----------
-    name : str
-        The reference or the object that the study names.
-    design : str
-        The design whose runs it was fitted to; empty if the study does not name it.
-    check : str, optional
-        A design whose runs show how good it is.
-    is_object : bool
-        Whether it is an object of a program.
-    """
-
-    name: str
-    design: str = ""
-    check: str | None = None
-    is_object: bool = False
+    name: str  # the reference or the object that the study names
+    design: str = ""  # the design whose runs it was fitted to; empty if the study does not name it
+    check: str | None = None  # A design whose runs show how good it is
+    is_object: bool = False  # whether it is an object of a program
 
     @property
     def absence(self) -> str:

@@ -21,47 +21,25 @@ from uqpen.surrogates.fitted_surrogate import FittedSurrogate
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = [
-    "TrainedSurrogate",
-    "TrainingRecord",
-    "TrainingRuns",
-    "logarithm_problem",
-    "size_problem",
-]
-
 # Sums of squares of up to 1e8 values, and of their coefficients, are finite and not 0.
 _LARGEST = 1e140
 
 
 @dataclass(frozen=True, eq=False)
 class TrainingRuns:
-    """Completed runs of a design, for training.
+    """Completed runs of a design, for training."""
 
-    Parameters
-    ----------
-    model, joint
-        The model that made them, and the distribution of its inputs.
-    inputs, outputs : mapping of str to ndarray, shape (run,)
-        The random inputs, and the outputs that have numbers, in SI units.
-    fixed : mapping of str to float
-        The other inputs, each with its one value.
-    weights : ndarray, shape (run,), or None
-        Weights of an integration rule (`is_quadrature`), if all its nodes have completed.
-    counts : mapping of Status to int
-        Number of the design's runs with each status.
-    problem : str
-        The reason why nothing can be fitted to these runs; empty if something can.
-    """
-
-    model: Model
+    model: Model  # with joint: the model that made them, and the distribution of its inputs
     joint: JointDistribution
+    # With outputs: (run,): the random inputs, and the outputs that have numbers, in SI units.
     inputs: Mapping[str, FloatArray]
     outputs: Mapping[str, FloatArray]
-    fixed: Mapping[str, float]
+    fixed: Mapping[str, float]  # the other inputs, each with its one value
+    # (run,): weights of an integration rule (`is_quadrature`), if all its nodes have completed.
     weights: FloatArray | None
     is_quadrature: bool
-    counts: Mapping[Status, int]
-    problem: str
+    counts: Mapping[Status, int]  # number of the design's runs with each status
+    problem: str  # the reason why nothing can be fitted to these runs; empty if something can
 
     @classmethod
     def from_runs(cls, runs: xr.Dataset, model: Model, joint: JointDistribution) -> TrainingRuns:
@@ -164,24 +142,12 @@ _TEXTS = ("units", "display_units", "long_name")
 
 @dataclass(frozen=True, eq=False)
 class TrainingRecord:
-    """The design, the varied inputs and the statuses of the training runs.
+    """The design, the varied inputs and the statuses of the training runs."""
 
-    Parameters
-    ----------
-    design : str
-        To whose runs a surrogate was fitted.
-    random_inputs : tuple of str
-        The inputs that varied.
-    counts : mapping of Status to int
-        Number of those runs with each status.
-    is_independent : bool
-        Whether the random inputs are.
-    """
-
-    design: str
-    random_inputs: tuple[str, ...]
-    counts: Mapping[Status, int]
-    is_independent: bool
+    design: str  # to whose runs a surrogate was fitted
+    random_inputs: tuple[str, ...]  # the inputs that varied
+    counts: Mapping[Status, int]  # number of those runs with each status
+    is_independent: bool  # whether the random inputs are
 
     def attributes(self) -> dict[str, Any]:
         """Return what an archive says of the runs."""
@@ -205,28 +171,14 @@ class TrainingRecord:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class TrainedSurrogate(FittedSurrogate):
-    """Fitted surrogate that knows its training runs, and whose archive group says so.
+    """Fitted surrogate that knows its training runs, and whose archive group says so."""
 
-    Parameters
-    ----------
-    name : str
-        Its name in the study.
-    inputs : tuple of Input
-        Those of the model that it stands for.
-    outputs : tuple of Output
-        Those that could be fitted.
-    reasons, fixed, original
-        As in `FittedSurrogate`.
-    training : TrainingRecord
-        The runs that it was fitted to.
-    """
-
-    name: str
-    inputs: tuple[Input, ...]
-    outputs: tuple[Output, ...]
-    reasons: Mapping[str, str]
+    name: str  # its name in the study
+    inputs: tuple[Input, ...]  # those of the model that it stands for
+    outputs: tuple[Output, ...]  # those that could be fitted
+    reasons: Mapping[str, str]  # with fixed, original: as in `FittedSurrogate`
     fixed: Mapping[str, float]
-    training: TrainingRecord
+    training: TrainingRecord  # the runs that it was fitted to
     original: Model | None = None
 
     @property

@@ -41,21 +41,6 @@ from uqpen.statistics.user_defined_analysis import Analysis, UserDefinedAnalysis
 from uqpen.surrogates.fitted_surrogate import FittedSurrogate, Prediction
 from uqpen.surrogates.surrogate import Surrogate
 
-__all__ = [
-    "EXAMPLE_OUTPUT",
-    "check_distribution",
-    "check_figure",
-    "check_joint",
-    "check_model",
-    "check_section",
-    "check_statistic",
-    "check_surrogate",
-    "example_joint_distribution",
-    "example_samples",
-    "sum_runs",
-]
-
-
 # An example.
 
 # The output that an adaptive design and a stopping rule are sent.

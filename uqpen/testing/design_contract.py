@@ -27,8 +27,6 @@ from uqpen.statistics.running_estimates import RunningEstimates
 from uqpen.statistics.weights import effective_sizes
 from uqpen.testing.contracts import EXAMPLE_OUTPUT, example_joint_distribution, sum_runs
 
-__all__ = ["check_design", "check_extension", "check_stopping_rule"]
-
 # Contract test of a design.
 
 # Number of standard errors within which a mean of draws is expected: 1 of 16 000 is outside.

@@ -38,21 +38,6 @@ from uqpen.study.variables_section import dimensions_from_model
 from uqpen.surrogates.archived_surrogate import restore_surrogate, surrogate_paths
 from uqpen.surrogates.fitted_surrogate import FittedSurrogate
 
-__all__ = [
-    "NamedCode",
-    "RestoredStudy",
-    "Runs",
-    "archived_runs",
-    "archived_study",
-    "find_incompatibility",
-    "named_code",
-    "refuse_user_defined_names",
-    "restored_study",
-    "run_inputs",
-    "study_surrogate",
-    "with_kept_folders",
-]
-
 # Archived runs by model and design.
 Runs = Mapping[str, Mapping[str, xr.Dataset]]
 
@@ -64,24 +49,16 @@ _CODE_KEYS = ("use", *(key for key in USER_DEFINED_MODELS if key not in (OBJECT,
 
 
 class NamedCode(NamedTuple):
-    """Code, Python objects and data files that the text of a study names.
+    """Code, Python objects and data files that the text of a study names."""
 
-    Attributes
-    ----------
-    models, members, surrogates, analyses : list of str
-        Code of models, of designs and distributions, of surrogates, and of analyses.
-    objects : dict of str to list of str
-        Python objects by their kind.
-    data : list of str
-        Files that runs come from.
-    """
-
+    # With members, surrogates, analyses: code of models, of designs and distributions, of
+    # surrogates, and of analyses.
     models: list[str]
     members: list[str]
     surrogates: list[str]
     analyses: list[str]
-    objects: dict[str, list[str]]
-    data: list[str]
+    objects: dict[str, list[str]]  # python objects by their kind
+    data: list[str]  # files that runs come from
 
     @property
     def code(self) -> list[str]:

@@ -19,16 +19,6 @@ from uqpen.workflow.repetition import (
     unequal,
 )
 
-__all__ = [
-    "NEGLIGIBLE",
-    "CheckOutcome",
-    "CheckResult",
-    "find_attribute_differences",
-    "find_differences",
-    "first_lines",
-    "missing_keys",
-]
-
 # Differences of one kind that are listed; a damaged archive may have thousands.
 _MOST_LISTED = 8
 

@@ -27,8 +27,6 @@ from uqpen.verification.check_result import (
 )
 from uqpen.workflow.repetition import TOLERANCE, first_difference
 
-__all__ = ["DiffSection", "RunsDiff", "diff_archives", "diff_runs", "disjoint_intervals"]
-
 # Lines of the study's text that are listed.
 _MOST_LINES = 24
 

@@ -42,34 +42,18 @@ from uqpen.verification.unrepeated import omitted_designs, other_recipe, without
 from uqpen.workflow import analyse_runs, run_design
 from uqpen.workflow.repetition import Difference, hashes_again, run_differences
 
-__all__ = ["Repetition"]
-
 _ELSEWHERE = "last bits may differ where the versions or processors do, and a hash shows no size"
 
 
 @dataclass(frozen=True)
 class Repetition:
-    """Repetition of a study whose runs an archive has.
+    """Repetition of a study whose runs an archive has."""
 
-    Parameters
-    ----------
-    study : ValidatedStudy
-        Read from the archive.
-    runs : mapping of str to mapping of str to Dataset
-        The archived ones, by model and design.
-    number : int or None
-        Number of runs to repeat, drawn at random from all; None for all.
-    tolerance : float
-        Largest relative difference; 0 where every bit must be the same.
-    map, progress
-        As for `uqpen.run`.
-    """
-
-    study: ValidatedStudy
-    runs: Runs
-    number: int | None
-    tolerance: float = 0.0
-    map: Map = map
+    study: ValidatedStudy  # read from the archive
+    runs: Runs  # the archived ones, by model and design
+    number: int | None  # number of runs to repeat, drawn at random from all; None for all
+    tolerance: float = 0.0  # largest relative difference; 0 where every bit must be the same
+    map: Map = map  # with progress: as for `uqpen.run`
     progress: Progress = field(default_factory=Progress)
 
     def check_runs(self) -> CheckResult:

@@ -37,14 +37,6 @@ from uqpen.verification.archived_study import Runs, archived_runs, named_code
 from uqpen.verification.check_result import CheckOutcome, CheckResult
 from uqpen.workflow import surrogate_source
 
-__all__ = [
-    "ADVICE",
-    "leave_out",
-    "omitted_designs",
-    "other_recipe",
-    "without_intervals",
-]
-
 ADVICE = "if you trust its author, use --trust"
 
 _RERUN = "uqpen rerun makes the runs and their statistics again, and uqpen diff compares these"

@@ -35,8 +35,6 @@ from uqpen.verification.repetition import Repetition
 from uqpen.verification.unrepeated import ADVICE, leave_out, omitted_designs
 from uqpen.workflow.repetition import TOLERANCE
 
-__all__ = ["verify"]
-
 # Attributes that describe a model, and what distinguishes its versions.
 _MODEL = "model_"
 _SOURCE, _PROGRAM = "source_sha256", "program_sha256"

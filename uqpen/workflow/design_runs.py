@@ -27,13 +27,6 @@ from uqpen.execution.recorded_runs import recorded_map
 from uqpen.statistics.running_estimates import RunningEstimates
 from uqpen.study.study import ValidatedStudy
 
-__all__ = [
-    "Runs",
-    "TrialRun",
-    "run_design",
-    "trial_run",
-]
-
 # Runs by the name of a design, or of a model.
 Runs = dict[str, xr.Dataset]
 
@@ -121,27 +114,13 @@ def run_design(
 
 @dataclass(frozen=True)
 class TrialRun:
-    """Run of a model at the nominal point.
+    """Run of a model at the nominal point."""
 
-    Parameters
-    ----------
-    inputs : mapping of str to ndarray, shape (1,)
-        The nominal point in SI units.
-    results : Results
-        What the model has returned there.
-    folder : Path or None
-        Folder in which its files are kept.
-    warnings : tuple of str
-        Warnings of the model about it.
-    seconds : float
-        Its duration.
-    """
-
-    inputs: Arrays
-    results: Results
-    folder: Path | None
-    warnings: tuple[str, ...]
-    seconds: float
+    inputs: Arrays  # (1,): the nominal point in SI units
+    results: Results  # what the model has returned there
+    folder: Path | None  # folder in which its files are kept
+    warnings: tuple[str, ...]  # warnings of the model about it
+    seconds: float  # its duration
 
     @property
     def status(self) -> Status:

@@ -46,15 +46,6 @@ from uqpen.study.identity import model_attributes
 from uqpen.study.study import ValidatedStudy, Variant
 from uqpen.workflow.design_runs import Runs
 
-__all__ = [
-    "AnalysisSteps",
-    "difference_groups",
-    "failure_statistics",
-    "joint_statistics",
-    "model_form_groups",
-    "model_groups",
-]
-
 Groups = Iterator[tuple[str, xr.Dataset]]
 
 # A design or a surrogate: attributes of its group, and its estimate arrays by output.

@@ -24,38 +24,17 @@ from uqpen.execution.batching import BATCH_SIZE
 from uqpen.execution.omitted_runs import batch_hashes
 from uqpen.study.study import ValidatedStudy, Variant
 
-__all__ = [
-    "TOLERANCE",
-    "Difference",
-    "difference_text",
-    "first_difference",
-    "hashes_again",
-    "relative_difference",
-    "run_differences",
-    "unequal",
-]
-
 # What other versions or another machine may change: far more than last bits that a computation
 # carries along, far less than any interval; relative to the scale of a variable.
 TOLERANCE = 1e-9
 
 
 class Difference(NamedTuple):
-    """Difference in a group.
+    """Difference in a group."""
 
-    Attributes
-    ----------
-    what : str
-        The variable or attribute, and its difference in words.
-    relative : float
-        Size, relative to the largest value; infinite where it has no meaning.
-    is_new : bool
-        True if the archive lacks it.
-    """
-
-    what: str
-    relative: float
-    is_new: bool = False
+    what: str  # the variable or attribute, and its difference in words
+    relative: float  # size, relative to the largest value; infinite where it has no meaning
+    is_new: bool = False  # true if the archive lacks it
 
     def within(self, place: str) -> Difference:
         """Return the difference with the name of the place that it is in."""

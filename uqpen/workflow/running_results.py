@@ -37,8 +37,6 @@ from uqpen.statistics.run_samples import input_sample
 from uqpen.study.identity import root_attributes
 from uqpen.study.study import ValidatedStudy
 
-__all__ = ["ResultsSoFar", "RunningResults"]
-
 # What is estimated again and again. Measures of the inputs' part would take too long.
 _SHOWN = (MOMENTS, QUANTILES, EXCEEDANCE, SHARES)
 
@@ -48,21 +46,14 @@ _BETWEEN, _SHARE = 1.0, 0.1
 
 @dataclass(frozen=True)
 class ResultsSoFar:
-    """Results of the finished runs of a study.
+    """Results of the finished runs of a study."""
 
-    Parameters
-    ----------
-    tree : DataTree
-        The archive so far: ``/runs/<design>`` and ``/statistics/<design>/<output>``, of the designs
-        with estimates; below ``/models/<name>`` for several models.
-    finished : mapping of str to list of Dataset
-        All finished runs by design, of each model and round.
-    reasons : mapping of str to str
-        Why there are no estimates yet, by design.
-    """
-
+    # The archive so far: ``/runs/<design>`` and ``/statistics/<design>/<output>``, of the designs
+    # with estimates; below ``/models/<name>`` for several models.
     tree: xr.DataTree
+    # All finished runs by design, of each model and round.
     finished: Mapping[str, list[xr.Dataset]] = field(default_factory=dict)
+    # Why there are no estimates yet, by design.
     reasons: Mapping[str, str] = field(default_factory=dict)
 
 

@@ -24,8 +24,6 @@ from uqpen.surrogates.fitting import cross_fit, fit_surrogate, is_built_in
 from uqpen.surrogates.output_surrogate import unfitted
 from uqpen.workflow.design_runs import Runs
 
-__all__ = ["RECIPE", "surrogate_source"]
-
 # Whoever changes how surrogates are fitted or corrected raises it: `verify` then leaves out those
 # of earlier archives.
 RECIPE = 1

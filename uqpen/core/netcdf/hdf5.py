@@ -15,18 +15,6 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-__all__ = [
-    "ARCHIVE_LIMITS",
-    "DATA_LIMITS",
-    "SIGNATURE",
-    "Content",
-    "ContentLimits",
-    "RefusedContentError",
-    "check_count",
-    "check_hdf5",
-]
-
-
 Content = bytes | mmap.mmap
 
 # The address of what is not stored.
@@ -50,34 +38,16 @@ class RefusedContentError(Exception):
 
 @dataclass(frozen=True)
 class ContentLimits:
-    """Largest numbers of objects in a file, and the memory that their values may take.
+    """Largest numbers of objects in a file, and the memory that their values may take."""
 
-    Parameters
-    ----------
-    groups, variables : int
-        In the whole file.
-    in_group : int
-        Variables in one group.
-    links : int
-        Groups and variables in one group.
-    attributes : int
-        Of one object.
-    depth : int
-        Of groups within groups.
-    memory : int
-        Bytes of all values in memory, whatever the size of the file.
-    memory_ratio : int
-        Bytes of all values in memory for each byte of the file, where that is more.
-    """
-
-    groups: int
+    groups: int  # with variables: in the whole file
     variables: int
-    in_group: int
-    links: int
-    attributes: int
-    depth: int
-    memory: int
-    memory_ratio: int
+    in_group: int  # variables in one group
+    links: int  # groups and variables in one group
+    attributes: int  # of one object
+    depth: int  # of groups within groups
+    memory: int  # bytes of all values in memory, whatever the size of the file
+    memory_ratio: int  # bytes of all values in memory for each byte of the file, where that is more
 
     def most_memory(self, content: Content) -> int:
         """Return the bytes that the values of a file may take."""

@@ -176,21 +176,11 @@ _LIBRARY_ERRORS = (
 
 @dataclass(frozen=True)
 class NetcdfVariable:
-    """Variable of a file, with its values or the reason why they cannot be read.
+    """Variable of a file, with its values or the reason why they cannot be read."""
 
-    Parameters
-    ----------
-    name : str
-        Its name.
-    unit : str
-        Its attribute ``units``; empty without one.
-    stored : masked array or RefusedContentError
-        Its values, unpacked; texts are whole ones.
-    """
-
-    name: str
-    unit: str
-    stored: Any
+    name: str  # its name
+    unit: str  # its attribute ``units``; empty without one
+    stored: Any  # its values, unpacked; texts are whole ones
 
     def values(self) -> Any:
         """Return its values; RefusedContentError if they cannot be read."""

@@ -28,28 +28,15 @@ __all__ = ["RARE_EVENT_METHODS", "RareEventMethod"]
 
 
 class RareEventMethod(NamedTuple):
-    """References to the parts of a method; it has none to a statistic that it does not allow.
+    """References to the parts of a method; it has none to a statistic that it does not allow."""
 
-    Parameters
-    ----------
-    design : str
-        The `RareEventDesign`.
-    coordinates : tuple of str
-        Coordinates of its runs, which the functions below read.
-    probability : str
-        Takes the runs, the `LimitState` and a confidence level, and returns a
-        `RareEventProbability`.
-    quantiles : str
-        Takes the runs and a `LimitState` with one limit, and returns a `TailFunction`.
-    sensitivities : str
-        Takes what `probability` takes, and returns `EventScores`.
-    """
-
-    design: str
-    coordinates: tuple[str, ...]
+    design: str  # the `RareEventDesign`
+    coordinates: tuple[str, ...]  # coordinates of its runs, which the functions below read
+    # Takes the runs, the `LimitState` and a confidence level, and returns a `RareEventProbability`.
     probability: str
+    # Takes the runs and a `LimitState` with one limit, and returns a `TailFunction`.
     quantiles: str = ""
-    sensitivities: str = ""
+    sensitivities: str = ""  # takes what `probability` takes, and returns `EventScores`
 
 
 # By the name of the design in a study, which the runs state.

@@ -15,21 +15,6 @@ from uqpen.designs.rare_events.limit_state import LimitState
 from uqpen.designs.rare_events.rare_event_design import RareEventDesign, Replicate, RequestedPoints
 from uqpen.distributions.joint_distribution import JointDistribution
 
-__all__ = [
-    "CURVATURE_AXIS",
-    "DIFFERENCE",
-    "Form",
-    "FoundPoints",
-    "Search",
-    "SearchPoints",
-    "curvature_offsets",
-    "distinct_points",
-    "principal_curvatures",
-    "search_design_points",
-    "starting_points",
-    "tangent_basis",
-]
-
 # Curvature of the limit of an event at a design point, by second differences.
 
 CURVATURE_AXIS = -2
@@ -116,49 +101,26 @@ _SAME = 0.3
 
 @dataclass(frozen=True, eq=False)
 class SearchPoints:
-    """Points of a round of the search.
+    """Points of a round of the search."""
 
-    Parameters
-    ----------
-    points : ndarray, shape (run, random input)
-        In standard normal space.
-    start : ndarray of int, shape (run,)
-        Number of the start whose search wants the run.
-    origin : ndarray of int, shape (run,)
-        Run that a point is a step from; -1 for a start.
-    axis : ndarray of int, shape (run,)
-        Axis that is moved for a finite difference; -1 for a point of the search itself.
-    """
-
-    points: FloatArray
-    start: IntArray
-    origin: IntArray
+    points: FloatArray  # (run, random input): in standard normal space
+    start: IntArray  # (run,): number of the start whose search wants the run
+    origin: IntArray  # (run,): run that a point is a step from; -1 for a start
+    # (run,): axis that is moved for a finite difference; -1 for a point of the search itself.
     axis: IntArray
 
 
 @dataclass(frozen=True, eq=False)
 class FoundPoints:
-    """Points where the searches have ended, along ``start``.
+    """Points where the searches have ended, along ``start``."""
 
-    Parameters
-    ----------
-    points : ndarray, shape (start, random input)
-        In standard normal space.
-    runs : ndarray of int, shape (start,)
-        Their runs.
-    performance : ndarray, shape (start,)
-        How near they come to the event; not finite where a search found no run to begin with.
-    gradients : ndarray, shape (start, random input)
-        Of the performance; NaN where it is not known.
-    converged : ndarray of bool, shape (start,)
-        Whether a search has reached a design point.
-    """
-
-    points: FloatArray
-    runs: IntArray
+    points: FloatArray  # (start, random input): in standard normal space
+    runs: IntArray  # (start,): their runs
+    # (start,): how near they come to the event; not finite where a search found no run to begin
+    # with.
     performance: FloatArray
-    gradients: FloatArray
-    converged: BoolArray
+    gradients: FloatArray  # (start, random input): of the performance; NaN where it is not known
+    converged: BoolArray  # (start,): whether a search has reached a design point
 
 
 # A search yields points, and is sent the numbers of their runs with the performance of each.

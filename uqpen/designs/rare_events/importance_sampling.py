@@ -34,19 +34,6 @@ from uqpen.designs.rare_events.rare_event_design import (
 )
 from uqpen.distributions.joint_distribution import JointDistribution
 
-__all__ = [
-    "INFLATED",
-    "NOMINAL",
-    "GaussianComponent",
-    "GaussianMixture",
-    "ImportanceSampling",
-    "ImportanceStages",
-    "effective_size",
-    "fitted_components",
-    "inflation",
-    "log_normal_density",
-]
-
 # Mixture of normal distributions that the runs of importance sampling are drawn from.
 
 # Numbers of the first components of every mixture: the distribution of the inputs, and the same
@@ -56,18 +43,10 @@ NOMINAL, INFLATED = 0, 1
 
 @dataclass(frozen=True, eq=False)
 class GaussianComponent:
-    """Normal distribution in standard normal space.
+    """Normal distribution in standard normal space."""
 
-    Parameters
-    ----------
-    mean : ndarray, shape (random input,)
-        Its mean.
-    covariance : ndarray, shape (random input, random input)
-        Positive definite.
-    """
-
-    mean: FloatArray
-    covariance: FloatArray
+    mean: FloatArray  # (random input,): its mean
+    covariance: FloatArray  # (random input, random input): positive definite
 
 
 def inflation(dimension: int) -> float:
@@ -91,17 +70,10 @@ class GaussianMixture:
     """Normal distributions with the number of draws of each.
 
     The numbers are fixed and not drawn, which makes an estimate narrower and leaves it unbiased.
-
-    Parameters
-    ----------
-    components : tuple of GaussianComponent
-        At least one.
-    counts : ndarray of int, shape (component,)
-        Number of draws of each.
     """
 
-    components: tuple[GaussianComponent, ...]
-    counts: IntArray
+    components: tuple[GaussianComponent, ...]  # at least one
+    counts: IntArray  # (component,): number of draws of each
 
     @classmethod
     def of_shares(
@@ -277,17 +249,10 @@ _NEAREST, _USELESS = 0.1, 0.5
 
 @dataclass(frozen=True, eq=False)
 class ImportanceStages:
-    """Draws of all stages so far, and the mixtures that follow from them.
+    """Draws of all stages so far, and the mixtures that follow from them."""
 
-    Parameters
-    ----------
-    event : LimitState
-        The event.
-    centres : ndarray, shape (point, random input)
-        Design points that are known before any draw; may be none.
-    """
-
-    event: LimitState
+    event: LimitState  # the event
+    # (point, random input): design points that are known before any draw; may be none.
     centres: FloatArray
     _points: list[FloatArray] = field(default_factory=list)
     _mixtures: list[GaussianMixture] = field(default_factory=list)

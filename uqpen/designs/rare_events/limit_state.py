@@ -21,14 +21,6 @@ from uqpen.designs.stopping.stopping_rule import RequestedOutput, output_value_p
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = [
-    "EventLimit",
-    "EventOutcomes",
-    "LimitState",
-    "limit_state",
-    "parse_limit_state",
-]
-
 _EVENT = (
     'an event such as "depth > 3 m", a list of limits that must all be met, or '
     '{ any = ["depth > 3 m", "speed < 1 m/s"] }'
@@ -38,23 +30,15 @@ _OR, _AND = " or ", " and "
 
 
 class EventOutcomes(NamedTuple):
-    """Outcomes of an event in runs.
+    """Outcomes of an event in runs."""
 
-    Parameters
-    ----------
-    belongs : ndarray of bool, shape (run,)
-        Whether a run counts: it is admissible, and if completed, it has all outputs of the event.
-    occurs : ndarray of bool, shape (run,)
-        Whether the event occurred.
-    missing : ndarray of bool, shape (run,)
-        Whether that is unknown, as the run failed.
-    excess : ndarray, shape (limit, run)
-        By how much each output lies beyond its limit; NaN where the run did not complete.
-    """
-
+    # (run,): whether a run counts: it is admissible, and if completed, it has all outputs of the
+    # event.
     belongs: BoolArray
-    occurs: BoolArray
-    missing: BoolArray
+    occurs: BoolArray  # (run,): whether the event occurred
+    missing: BoolArray  # (run,): whether that is unknown, as the run failed
+    # (limit, run): by how much each output lies beyond its limit; NaN where the run did not
+    # complete.
     excess: FloatArray
 
     def of(self, part: Any) -> EventOutcomes:
@@ -66,21 +50,11 @@ class EventOutcomes(NamedTuple):
 
 @dataclass(frozen=True)
 class EventLimit:
-    """Limit of an output, with its value as written.
+    """Limit of an output, with its value as written."""
 
-    Parameters
-    ----------
-    output : str
-        Name of the output.
-    is_above : bool
-        True if it is met above the value, False if below.
-    value : str
-        A value of the output, with its unit.
-    """
-
-    output: str
-    is_above: bool
-    value: str
+    output: str  # name of the output
+    is_above: bool  # true if it is met above the value, False if below
+    value: str  # A value of the output, with its unit
 
     def excess(self, runs: xr.Dataset) -> FloatArray:
         """Return by how much the output of each run lies beyond the limit, in SI units."""
@@ -97,21 +71,14 @@ class EventLimit:
 class LimitState:
     """Limit state: an event that occurs where all limits are met, or any of them.
 
-    Parameters
-    ----------
-    limits : tuple of EventLimit
-        At least one.
-    is_any : bool
-        True if one of the limits suffices.
-
     Examples
     --------
     >>> str(parse_limit_state("depth > 3 m or speed < 1 m/s"))
     'depth > 3 m or speed < 1 m/s'
     """
 
-    limits: tuple[EventLimit, ...]
-    is_any: bool = False
+    limits: tuple[EventLimit, ...]  # at least one
+    is_any: bool = False  # true if one of the limits suffices
 
     @property
     def outputs(self) -> set[str]:

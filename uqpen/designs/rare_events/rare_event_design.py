@@ -32,25 +32,15 @@ from uqpen.distributions.joint_distribution import JointDistribution
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["RareEventDesign", "Replicate", "RequestedPoints", "RunOutcomes", "advance_together"]
-
 # Replicates of a method in standard normal space, which all advance in common rounds.
 
 
 @dataclass(frozen=True, eq=False)
 class RequestedPoints:
-    """Points that a replicate asks to be run.
+    """Points that a replicate asks to be run."""
 
-    Parameters
-    ----------
-    points : ndarray, shape (run, random input)
-        In standard normal space.
-    coordinates : mapping of str to ndarray, shape (run,)
-        What the analysis needs of each run.
-    """
-
-    points: FloatArray
-    coordinates: Mapping[str, FloatArray | IntArray]
+    points: FloatArray  # (run, random input): in standard normal space
+    coordinates: Mapping[str, FloatArray | IntArray]  # (run,): what the analysis needs of each run
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,16 +100,11 @@ def _points(joint: JointDistribution, wanted: dict[int, RequestedPoints]) -> xr.
 
 @dataclass(frozen=True)
 class RareEventDesign(Design):
-    """Design whose runs lead to a rare event, each round from the results of the last.
-
-    Parameters
-    ----------
-    event : str
-        The event: ``"depth > 3 m"``, or limits joined by ``and``, or by ``or``.
-    """
+    """Design whose runs lead to a rare event, each round from the results of the last."""
 
     sampling = Sampling.TOWARDS_EVENT
 
+    # The event: ``"depth > 3 m"``, or limits joined by ``and``, or by ``or``.
     event: str = limit_state()
 
     @property

@@ -19,14 +19,6 @@ from uqpen.designs.rare_events.limit_state import EventOutcomes, LimitState
 from uqpen.designs.rare_events.rare_event_design import RareEventDesign, Replicate, RequestedPoints
 from uqpen.distributions.joint_distribution import JointDistribution
 
-__all__ = [
-    "CONDITIONAL_PROBABILITY",
-    "STEPS",
-    "ChainStates",
-    "ConditionalSampling",
-    "SubsetSimulation",
-]
-
 # States of the Markov chains of subset simulation, and the levels that they have reached.
 
 CONDITIONAL_PROBABILITY = 0.1
@@ -41,20 +33,11 @@ _EVENT = math.ulp(0.0)
 
 @dataclass(frozen=True, eq=False)
 class ChainStates:
-    """States at one level: a sample of the inputs, given that a run reaches the level.
+    """States at one level: a sample of the inputs, given that a run reaches the level."""
 
-    Parameters
-    ----------
-    runs : ndarray of int, shape (state,)
-        Number of the run that each state is.
-    performance : ndarray, shape (state,)
-        How near it comes to the event; infinite for a failed run.
-    occurs, missing : ndarray of bool, shape (state,)
-        Whether the event occurs, and whether that is unknown.
-    """
-
-    runs: IntArray
-    performance: FloatArray
+    runs: IntArray  # (state,): number of the run that each state is
+    performance: FloatArray  # (state,): how near it comes to the event; infinite for a failed run
+    # With missing: (state,): whether the event occurs, and whether that is unknown.
     occurs: BoolArray
     missing: BoolArray
 
@@ -143,14 +126,9 @@ class ConditionalSampling:
     They keep the normal distribution. A move is accepted where it stays in the level, so no density
     is needed. All inputs have the same sigma, and a level keeps it: a scale that followed the
     states that it moves would not keep their distribution.
-
-    Parameters
-    ----------
-    sigma : float
-        Standard deviation of a move.
     """
 
-    sigma: float = 0.6
+    sigma: float = 0.6  # standard deviation of a move
 
     def candidates(self, states: FloatArray, rng: np.random.Generator) -> FloatArray:
         """Return a candidate for each state, shape (chain, random input)."""

@@ -33,21 +33,6 @@ from uqpen.designs.stopping.stopping_rule import RequestedOutput, output_value_p
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = [
-    "CLAIM",
-    "ERROR",
-    "AcceptanceClaim",
-    "ClaimVerdict",
-    "Decision",
-    "Outcomes",
-    "decide",
-    "deciding_looks",
-    "deciding_rounds",
-    "is_claim",
-    "log_evidence_below",
-    "parse_claim",
-]
-
 # Sequential test of a probability against a limit, which may be looked at after every run.
 #
 # Two wealths are betted, one against each answer. A run multiplies the wealth against "P is at
@@ -77,18 +62,10 @@ class ClaimVerdict(StrEnum):
 
 
 class Decision(NamedTuple):
-    """Decision on a claim.
+    """Decision on a claim."""
 
-    Parameters
-    ----------
-    verdict : ClaimVerdict
-        What the runs say.
-    runs : int
-        Number of runs after which it was decided; all of them if it was not.
-    """
-
-    verdict: ClaimVerdict
-    runs: int
+    verdict: ClaimVerdict  # what the runs say
+    runs: int  # number of runs after which it was decided; all of them if it was not
 
 
 def decide(events: BoolArray, missing: BoolArray, limit: float, *, is_below: bool) -> Decision:
@@ -148,44 +125,25 @@ _PATTERN = re.compile(
 
 
 class Outcomes(NamedTuple):
-    """Outcomes of the admissible runs, in their order.
+    """Outcomes of the admissible runs, in their order."""
 
-    Parameters
-    ----------
-    events, missing : ndarray of bool, shape (run,)
-        Whether the event occurred, and whether that is unknown as the run failed.
-    numbers : ndarray of int, shape (run,)
-        Number of each run among all runs of the design, from 1.
-    """
-
+    # With missing: (run,): whether the event occurred, and whether that is unknown as the run
+    # failed.
     events: BoolArray
     missing: BoolArray
-    numbers: IntArray
+    numbers: IntArray  # (run,): number of each run among all runs of the design, from 1
 
 
 @dataclass(frozen=True)
 class AcceptanceClaim:
-    """Claim that the probability of an event is below a limit, or above it.
+    """Claim that the probability of an event is below a limit, or above it."""
 
-    Parameters
-    ----------
-    output : str
-        Name of the output.
-    is_above : bool
-        True for the event that the output exceeds the value, False for that it lies below.
-    value : str
-        A value of the output, with its unit.
-    is_less : bool
-        True for the claim that the probability is less than the limit, False for more.
-    limit : float
-        Between 0 and 1.
-    """
-
-    output: str
+    output: str  # name of the output
+    # True for the event that the output exceeds the value, False for that it lies below.
     is_above: bool
-    value: str
-    is_less: bool
-    limit: float
+    value: str  # A value of the output, with its unit
+    is_less: bool  # true for the claim that the probability is less than the limit, False for more
+    limit: float  # between 0 and 1
 
     def outcomes(self, runs: xr.Dataset | BlockedRuns) -> Outcomes:
         """Return the outcomes of a model's runs.

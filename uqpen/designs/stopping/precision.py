@@ -27,8 +27,6 @@ from uqpen.designs.stopping.stopping_rule import RequestedOutput, StatisticName,
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["Precision", "Target", "read_targets"]
-
 # Target of a stopping rule: the wanted half-width of the interval of one statistic.
 
 _MEAN, _STD, _EXCEEDS, _BELOW = "mean", "standard_deviation", "exceeds", "below"
@@ -49,23 +47,12 @@ _HALF_WIDTH_OF_PROBABILITY = "the half-width of a probability, above 0 and below
 
 
 class Target(NamedTuple):
-    """Wanted half-width of an interval.
+    """Wanted half-width of an interval."""
 
-    Parameters
-    ----------
-    output : str
-        Name of the output.
-    key : str
-        Key in the table of the output, which names the statistic.
-    half_width : object
-        As its author wrote it.
-    threshold : str
-        The value whose probability it concerns, as its author wrote it; empty for none.
-    """
-
-    output: str
-    key: str
-    half_width: Any
+    output: str  # name of the output
+    key: str  # key in the table of the output, which names the statistic
+    half_width: Any  # as its author wrote it
+    # The value whose probability it concerns, as its author wrote it; empty for none.
     threshold: str = ""
 
     @property

@@ -22,32 +22,13 @@ from uqpen.designs.drawn_points import Points
 from uqpen.designs.feedback import Feedback
 from uqpen.designs.stopping import STOPPING_RULES
 
-__all__ = [
-    "FIRST_LOOK",
-    "RequestedOutput",
-    "RequestedThreshold",
-    "StatisticName",
-    "StoppingRule",
-    "doubling_looks",
-    "doubling_rounds",
-    "output_value_problems",
-    "stopping_rule",
-]
-
 
 class StatisticName(NamedTuple):
-    """Name of an estimate in an archive.
+    """Name of an estimate in an archive."""
 
-    Parameters
-    ----------
-    output, statistic : str
-        Names of the output and of the statistic in the catalogue.
-    label : str or float
-        Coordinate along the statistic's dimension, such as a threshold; empty without one.
-    """
-
-    output: str
+    output: str  # with statistic: names of the output and of the statistic in the catalogue
     statistic: str
+    # Coordinate along the statistic's dimension, such as a threshold; empty without one.
     label: str | float = ""
 
 

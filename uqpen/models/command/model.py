@@ -32,21 +32,6 @@ from uqpen.models.command.program import BRACES, Delimiters, NotWholeError, Prog
 from uqpen.models.run_grid import FieldSources, RunGrid, UnusableOutputError, dimension_names
 from uqpen.models.user_code import one_line
 
-__all__ = [
-    "INPUTS",
-    "OUTCOME",
-    "OUTPUTS",
-    "RECORD",
-    "Command",
-    "FolderPolicy",
-    "folder_name",
-    "keep_folder",
-    "last_line",
-    "read_outputs",
-    "remove_variable_parts",
-    "working_folder",
-]
-
 # Folders of runs: a new one for each run, kept or removed at its end.
 
 _SHORT = 12
@@ -228,15 +213,7 @@ _NO_INTERPRETER = "cannot be started: what its first line names to run it with i
 
 @dataclass(frozen=True)
 class FolderPolicy:
-    """Policy for the folders of runs after their end.
-
-    Parameters
-    ----------
-    which : str
-        The folders that are kept: those of ``"failed"`` runs, ``"all"`` or ``"none"``.
-    folder : Path
-        Folder for the kept ones.
-    """
+    """Policy for the folders of runs after their end."""
 
     which: Literal["failed", "all", "none"] = choice(
         "failed",
@@ -245,8 +222,8 @@ class FolderPolicy:
         default="failed",
         expected='which folders of runs are kept: "failed", "all" or "none"',
         key="keep",
-    )
-    folder: Path = Path()
+    )  # the folders that are kept: those of ``"failed"`` runs, ``"all"`` or ``"none"``
+    folder: Path = Path()  # folder for the kept ones
 
     def __post_init__(self) -> None:
         validate(self)
@@ -254,42 +231,25 @@ class FolderPolicy:
 
 @dataclass(frozen=True)
 class Command(Model):
-    """Model that runs a program.
+    """Model that runs a program."""
 
-    Parameters
-    ----------
-    words : tuple of str
-        The command as a study has it: the program and its arguments, with placeholders.
-    units : mapping of str to str
-        The unit that the program takes each input and gives each output in.
-    readings : mapping of str to OutputReader
-        Reader of each output, and of the coordinates that runs have of their own.
-    program : Program, optional
-        The program; without it, the model cannot be run.
-    templates : mapping of str to str
-        By their names in the folder of a run, texts with placeholders.
-    delimiters : Delimiters
-        Those of the placeholders in templates.
-    reads_again : bool
-        Whether the outputs of a run whose folder is kept are read from there, without a run.
-    fields : FieldSources
-        The grids on which runs write outputs, and the files with coordinates.
-    copied : tuple of str
-        Files beside the study that each run finds in its folder.
-    """
-
+    # The command as a study has it: the program and its arguments, with placeholders.
     words: tuple[str, ...]
     inputs: tuple[Input, ...]
     outputs: tuple[Output, ...]
-    units: Mapping[str, str]
+    units: Mapping[str, str]  # the unit that the program takes each input and gives each output in
+    # Reader of each output, and of the coordinates that runs have of their own.
     readings: Mapping[str, OutputReader]
     folder_policy: FolderPolicy
-    program: Program | None = None
+    program: Program | None = None  # the program; without it, the model cannot be run
+    # By their names in the folder of a run, texts with placeholders.
     templates: Mapping[str, str] = field(default_factory=dict)
-    copied: tuple[str, ...] = ()
+    copied: tuple[str, ...] = ()  # files beside the study that each run finds in its folder
     limits: Limits = Limits()
-    delimiters: Delimiters = BRACES
+    delimiters: Delimiters = BRACES  # those of the placeholders in templates
+    # Whether the outputs of a run whose folder is kept are read from there, without a run.
     reads_again: bool = False
+    # The grids on which runs write outputs, and the files with coordinates.
     fields: FieldSources = field(default=FieldSources(), repr=False)
     name: str = field(init=False)
 

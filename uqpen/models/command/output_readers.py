@@ -30,22 +30,6 @@ from uqpen.core.netcdf.opening import RefusedContentError, read_variable
 from uqpen.core.settings import choice, count, setting, text, validate
 from uqpen.core.status import Status
 
-__all__ = [
-    "ColumnReader",
-    "CsvReader",
-    "JsonReader",
-    "NetcdfReader",
-    "OutputReader",
-    "RunFiles",
-    "TextReader",
-    "UnreadableError",
-    "after_setting",
-    "blank_column",
-    "parse_number",
-    "row_setting",
-    "text_after",
-]
-
 # Files that a run has written: they can contain anything, and each is read once.
 
 # Largest file that is read: a run gone wild must not take this process along.
@@ -208,14 +192,9 @@ def parse_number(text: str, place: str, row: int | None = None) -> float:
 
 @dataclass(frozen=True)
 class JsonReader(OutputReader):
-    """Reader of a number in a JSON document.
+    """Reader of a number in a JSON document."""
 
-    Parameters
-    ----------
-    key : str
-        Names and positions that lead to it, with dots between: ``result.depth``, ``depths.0``.
-    """
-
+    # Names and positions that lead to it, with dots between: ``result.depth``, ``depths.0``.
     key: str = text(expected="the names that lead to it, with dots between")
 
     @property
@@ -248,17 +227,11 @@ class JsonReader(OutputReader):
 
 @dataclass(frozen=True)
 class NetcdfReader(OutputReader):
-    """Reader of a number in a NetCDF file.
+    """Reader of a number in a NetCDF file."""
 
-    Parameters
-    ----------
-    variable : str
-        Its name, groups before it with slashes between.
-    row : int, optional
-        Position of the value in a one-dimensional variable, from 0; the last is -1.
-    """
-
+    # Its name, groups before it with slashes between.
     variable: str = text(expected="the name of a variable")
+    # Position of the value in a one-dimensional variable, from 0; the last is -1.
     row: int | None = row_setting(None)
 
     @property
@@ -416,18 +389,10 @@ class _RowsReader(OutputReader):
 
 @dataclass(frozen=True)
 class CsvReader(_RowsReader):
-    """Reader of a number in a CSV file under a row of headings.
+    """Reader of a number in a CSV file under a row of headings."""
 
-    Parameters
-    ----------
-    column : str
-        The heading.
-    row : int
-        Position among the rows below the headings, from 0; the last is -1.
-    """
-
-    column: str = text(expected="a heading")
-    row: int = row_setting(-1)
+    column: str = text(expected="a heading")  # the heading
+    row: int = row_setting(-1)  # position among the rows below the headings, from 0; the last is -1
 
     @property
     def place(self) -> str:

@@ -21,8 +21,6 @@ from pathlib import Path
 
 from uqpen.core.limits import Limits
 
-__all__ = ["ProcessEnd", "guard_folder", "run_process"]
-
 STDOUT, STDERR = "stdout", "stderr"
 
 # Sets the limit on address space, in KiB, and becomes the program; no word of it is expanded.

@@ -15,20 +15,6 @@ from uqpen.core.files import FileSnapshot, is_file
 from uqpen.core.lookup import choices
 from uqpen.models.user_code import changed_file_error
 
-__all__ = [
-    "BRACES",
-    "Delimiters",
-    "NotWholeError",
-    "Program",
-    "ProgramFile",
-    "fill",
-    "find_mistakes",
-    "find_program",
-    "lies_in_study",
-    "locate_program",
-    "names_in",
-]
-
 # Files of a command: the program, and files beside the study.
 
 
@@ -63,21 +49,12 @@ class ProgramFile:
 
 @dataclass(frozen=True)
 class Program:
-    """Program that has been found, and the files that it needs.
+    """Program that has been found, and the files that it needs."""
 
-    Parameters
-    ----------
-    folder : Path
-        Folder of the study.
-    executed : ProgramFile
-        The executed file.
-    beside : tuple of ProgramFile
-        The study's own files among the program, the words of the command, the files copied into
-        the folder of each run, and the templates.
-    """
-
-    folder: Path
-    executed: ProgramFile
+    folder: Path  # folder of the study
+    executed: ProgramFile  # the executed file
+    # The study's own files among the program, the words of the command, the files copied into the
+    # folder of each run, and the templates.
     beside: tuple[ProgramFile, ...] = ()
 
     @property

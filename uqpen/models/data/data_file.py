@@ -29,21 +29,6 @@ from uqpen.core.netcdf.opening import (
 )
 from uqpen.core.units import DIMENSIONLESS, NUMBER
 
-__all__ = [
-    "BLANK",
-    "DataColumn",
-    "DataFile",
-    "Entries",
-    "data_error",
-    "data_file",
-    "frame_columns",
-    "name_and_unit",
-    "read_data_file",
-    "read_netcdf",
-    "read_parquet",
-    "read_text",
-]
-
 # Columns of a data file: names, units and entries, some of them blank.
 
 # The entries of a column: numbers, or texts if one of them is no number.
@@ -79,23 +64,12 @@ def name_and_unit(heading: str, file: str) -> tuple[str, str]:
 
 @dataclass(frozen=True, eq=False)
 class DataColumn:
-    """Column of a data file.
+    """Column of a data file."""
 
-    Parameters
-    ----------
-    name : str
-        Its heading without the unit.
-    unit : str
-        Its unit, as written in the file; empty where the heading has none.
-    entries : ndarray or sequence of str
-        Numbers (NaN for a blank entry), or texts if one of them is no number.
-    place : callable
-        Returns the place of an entry by its number, such as the file and the line.
-    """
-
-    name: str
-    unit: str
-    entries: Entries
+    name: str  # its heading without the unit
+    unit: str  # its unit, as written in the file; empty where the heading has none
+    entries: Entries  # numbers (NaN for a blank entry), or texts if one of them is no number
+    # Returns the place of an entry by its number, such as the file and the line.
     place: Callable[[int], str]
 
     def numbers(self) -> FloatArray:
@@ -220,18 +194,10 @@ def read_text(name: str, content: bytes) -> tuple[DataColumn, ...]:
 
 @dataclass(frozen=True)
 class _Table:
-    """Rows of a text below its headings.
+    """Rows of a text below its headings."""
 
-    Parameters
-    ----------
-    file : str
-        Its name.
-    text : str
-        Its content.
-    """
-
-    file: str
-    text: str
+    file: str  # its name
+    text: str  # its content
 
     @functools.cached_property
     def is_of_dakota(self) -> bool:

@@ -17,35 +17,18 @@ from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.core.units import scale
 from uqpen.models.data.data_file import DataColumn, DataFile, data_error
 
-__all__ = ["REASON", "STATUS", "DataModel", "data_coordinates", "data_points", "data_results"]
-
 
 @dataclass(frozen=True, eq=False)
 class DataModel(Model):
-    """Runs of a model that is not here: their points and results.
+    """Runs of a model that is not here: their points and results."""
 
-    Parameters
-    ----------
-    name : str
-        The name of the file.
-    inputs, outputs : tuple
-        The variables that the file has columns of.
-    points : mapping of str to ndarray, shape (run,)
-        The inputs in SI units.
-    results : Results
-        The outputs, and the status of each run.
-    file : FileSnapshot
-        The file.
-    coordinates : mapping of str to ndarray, shape (run,)
-        What else the file says of the points: the replicate or the weight of each.
-    """
-
-    name: str
-    inputs: tuple[Input, ...]
+    name: str  # the name of the file
+    inputs: tuple[Input, ...]  # with outputs: the variables that the file has columns of
     outputs: tuple[Output, ...]
-    points: Arrays
-    results: Results
-    file: FileSnapshot
+    points: Arrays  # (run,): the inputs in SI units
+    results: Results  # the outputs, and the status of each run
+    file: FileSnapshot  # the file
+    # (run,): what else the file says of the points: the replicate or the weight of each.
     coordinates: Arrays
 
     @property

@@ -36,29 +36,12 @@ from uqpen.results.table import NOTHING, Conversion, OutputTable, identity, labe
 from uqpen.results.texts import plain_text
 from uqpen.study.document import parse_document
 
-__all__ = [
-    "ArchivePair",
-    "ModelPair",
-    "cdf_charts",
-    "estimate_changes",
-    "revision_page",
-    "study_changes",
-    "unpaired",
-    "write_revision_report",
-]
-
 
 @dataclass(frozen=True)
 class ModelPair:
-    """The parts of two archives on a model of the same name.
+    """The parts of two archives on a model of the same name."""
 
-    Parameters
-    ----------
-    first, second : ArchiveView
-        Of A and of B.
-    """
-
-    first: ArchiveView
+    first: ArchiveView  # with second: of A and of B
     second: ArchiveView
 
     @property
@@ -84,15 +67,9 @@ class ModelPair:
 
 @dataclass(frozen=True)
 class ArchivePair:
-    """Two archives of studies.
+    """Two archives of studies."""
 
-    Parameters
-    ----------
-    first, second : DataTree
-        A and B.
-    """
-
-    first: xr.DataTree
+    first: xr.DataTree  # with second: A and B
     second: xr.DataTree
 
     @cached_property

@@ -52,9 +52,6 @@ from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.table import NOTHING, OutputTable, conversion, label_with_unit
 from uqpen.results.texts import capitalized, join_names, plain_text, typeset_quantity, unit_suffix
 
-__all__ = ["answer", "caveat_text", "model_answer"]
-
-
 # Outputs with sentences, and sentences that are not folded.
 _MOST_OUTPUTS = 6
 _MOST_SENTENCES = 3

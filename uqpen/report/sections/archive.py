@@ -48,8 +48,6 @@ from uqpen.results.texts import plain_text, title_with_unit
 from uqpen.study.document import parse_document
 from uqpen.surrogates.diagnostics import unfitted_outputs
 
-__all__ = ["archive", "archive_notes"]
-
 # Characters of a text, and files whose texts are shown.
 _LONGEST = 20_000
 _MOST_FILES = 10

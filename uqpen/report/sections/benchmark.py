@@ -44,17 +44,6 @@ from uqpen.results.method_comparison import (
 from uqpen.results.table import NOTHING, OutputTable, estimate_remark
 from uqpen.results.texts import join_names, unit_suffix
 
-__all__ = [
-    "cost",
-    "coverage",
-    "errors",
-    "leaders",
-    "rates",
-    "reference",
-    "replicates",
-    "tables",
-]
-
 # A page shows the first of more charts, with a note.
 _MOST_CHARTS = 24
 

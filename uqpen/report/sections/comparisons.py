@@ -41,9 +41,6 @@ from uqpen.results.table import NOTHING, OutputTable
 from uqpen.results.texts import title_with_unit
 from uqpen.surrogates.archived_surrogate import is_restorable
 
-__all__ = ["convergence", "model_comparison", "source_comparison", "surrogates", "trajectory"]
-
-
 # Convergence of estimates as runs are added.
 
 # Outputs that are drawn.

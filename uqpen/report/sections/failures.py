@@ -30,8 +30,6 @@ from uqpen.results.input_measures import input_label
 from uqpen.results.table import NOTHING, OutputTable
 from uqpen.results.texts import plain_text
 
-__all__ = ["failures", "missing_count", "missing_run_sentences"]
-
 # Reasons in the table, and charts of inputs.
 _MOST_REASONS = 20
 _MOST_CHARTS = 6

@@ -36,8 +36,6 @@ from uqpen.results.source_statistics import THRESHOLD_PROBABILITIES
 from uqpen.results.table import entry_label, quantile_label
 from uqpen.results.texts import unit_suffix
 
-__all__ = ["curves", "field_sentences", "first_curves", "further_curves"]
-
 # Places of a curve in its charts at the most, of some thousand.
 _MOST_PLACES = 161
 # Fields that are open, at the most.

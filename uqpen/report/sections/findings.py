@@ -53,9 +53,6 @@ from uqpen.results.table import telling_note
 from uqpen.results.texts import capitalized, join_names, plain_text
 from uqpen.surrogates.diagnostics import refuted_outputs
 
-__all__ = ["agreement_sentences", "alerts", "driver_sentences", "published_sentences"]
-
-
 # What drives an output.
 
 _FRACTIONS = {

@@ -41,9 +41,6 @@ from uqpen.results.input_measures import index_titles, input_order, named_tables
 from uqpen.results.table import NOTHING, OutputTable, identity, quantile_label
 from uqpen.results.texts import plain_text, unit_suffix
 
-__all__ = ["distributions", "scatter", "sensitivity"]
-
-
 # Distribution function, histogram and quantiles.
 
 

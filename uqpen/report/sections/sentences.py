@@ -42,27 +42,6 @@ from uqpen.results.table import (
 )
 from uqpen.results.texts import capitalized, plain_text, typeset_quantity, unit_suffix
 
-__all__ = [
-    "OutputSentences",
-    "QuotedStatistic",
-    "decision_findings",
-    "default_statistic",
-    "headed_blocks",
-    "joint_findings",
-    "main_outputs",
-    "moments",
-    "no_break",
-    "ordered_outputs",
-    "other_design_estimates",
-    "output_blocks",
-    "output_name",
-    "output_sentences",
-    "rare_event_findings",
-    "requested_statistics",
-    "usual_statistics",
-]
-
-
 # Quantities in sentences, with their estimates by design.
 
 

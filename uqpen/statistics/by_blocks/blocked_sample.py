@@ -19,8 +19,6 @@ from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.sample import Column, ErrorModel, Sample, SampleShape
 from uqpen.statistics.tally import Tally
 
-__all__ = ["BlockedSample", "ColumnCounts"]
-
 # Distribution of a column by group of its runs.
 
 _Groups = npt.NDArray[np.int16]
@@ -32,31 +30,19 @@ class ColumnCounts:
 
     With k splitters there are 2 k + 1 cells, in ascending order: below the first splitter, at it,
     between it and the second, and so on. So a value that many runs share has a cell of its own.
-
-    Parameters
-    ----------
-    splitters : ndarray, shape (splitter,)
-        Ascending, all different.
-    counts : ndarray of int, shape (group, cell)
-    powers : ndarray, shape (4, group)
-        Sums of the first to the fourth powers of the distances from `origin`, over `unit`. It is
-        among the values, so that they lose no digits.
-    ends : ndarray, shape (2, group)
-        The smallest and the largest value; infinite for a group without runs.
-    missing : ndarray of int, shape (group,)
-        Failed runs, but for those at inadmissible points.
-    asked : set of int
-        Cells whose values were asked for and are not known.
-    known : dict of int to tuple of ndarray
-        The ascending values of a cell, and the group of the run of each.
     """
 
-    splitters: FloatArray
-    counts: IntArray
+    splitters: FloatArray  # (splitter,): ascending, all different
+    counts: IntArray  # (group, cell)
+    # (4, group): sums of the first to the fourth powers of the distances from `origin`, over
+    # `unit`. It is among the values, so that they lose no digits.
     powers: FloatArray
+    # (2, group): the smallest and the largest value; infinite for a group without runs.
     ends: FloatArray
-    missing: IntArray
+    missing: IntArray  # (group,): failed runs, but for those at inadmissible points
+    # Cells whose values were asked for and are not known.
     asked: set[int] = field(default_factory=set)
+    # The ascending values of a cell, and the group of the run of each.
     known: dict[int, tuple[FloatArray, _Groups]] = field(default_factory=dict)
 
     @classmethod
@@ -182,20 +168,11 @@ class BlockedSample(Sample):
 
     In place of what is not known yet it gives what is known near it, and asks for it: after a
     further pass over the runs, the same analysis finds it.
-
-    Parameters
-    ----------
-    column : ColumnCounts
-        The distribution, by group.
-    sizes : ndarray of int, shape (group,)
-        The completed runs of each group.
-    missing_counts : ndarray of int, shape (group,)
-        The missing runs of each group.
     """
 
-    column: ColumnCounts
-    sizes: IntArray
-    missing_counts: IntArray
+    column: ColumnCounts  # the distribution, by group
+    sizes: IntArray  # (group,): the completed runs of each group
+    missing_counts: IntArray  # (group,): the missing runs of each group
 
     @classmethod
     def of_first(

@@ -26,8 +26,6 @@ from uqpen.statistics.distribution_function.probabilities import probabilities_o
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.user_defined_analysis import UserDefinedAnalysis
 
-__all__ = ["LargeSample"]
-
 # Outputs whose accumulators are in memory together, and their number times that of the groups.
 _MOST_OUTPUTS, _MOST_COUNTED = 8, 128
 
@@ -39,20 +37,11 @@ AnalyzeWhole = Callable[..., Mapping[str, _Statistics]]
 
 @dataclass(frozen=True, eq=False)
 class LargeSample:
-    """A sample whose statistics go by blocks, or take a part of the runs.
-
-    Parameters
-    ----------
-    runs : BlockedRuns
-    in_memory : int
-        Number of runs of that part.
-    analyze_whole : callable
-        Analyses runs in memory.
-    """
+    """A sample whose statistics go by blocks, or take a part of the runs."""
 
     runs: BlockedRuns
-    in_memory: int
-    analyze_whole: AnalyzeWhole
+    in_memory: int  # number of runs of that part
+    analyze_whole: AnalyzeWhole  # analyses runs in memory
 
     def statistics(
         self,

@@ -18,8 +18,6 @@ from uqpen.core.status import Status
 from uqpen.statistics.by_blocks.blocked_sample import BlockedSample, ColumnCounts
 from uqpen.statistics.convergence import part_sizes
 
-__all__ = ["BlockedColumn", "BlockedColumns", "Grouping", "output_column", "status_sample"]
-
 # More replicates are joined, as each group has counts of its own: 67 MB for an input.
 _MOST_GROUPS = 1024
 
@@ -30,23 +28,14 @@ class Grouping:
 
     A group is a replicate, or as many consecutive ones in each; of other designs, the runs from one
     end of a growing part to the next. So each growing part is the first groups.
-
-    Parameters
-    ----------
-    points : int
-        Number of runs of the design.
-    sampling : Sampling
-    replicates : ndarray of int, shape (group,)
-        Number of the first replicate of each group, ascending; empty where the design has one
-        replicate at the most.
-    sizes : ndarray of int, shape (group,)
-        Points of each group.
     """
 
-    points: int
+    points: int  # number of runs of the design
     sampling: Sampling
+    # (group,): number of the first replicate of each group, ascending; empty where the design has
+    # one replicate at the most.
     replicates: IntArray
-    sizes: IntArray
+    sizes: IntArray  # (group,): points of each group
 
     @classmethod
     def of_runs(cls, runs: BlockedRuns) -> Grouping:
@@ -120,17 +109,10 @@ _Read = Mapping[str, npt.NDArray[Any]]
 
 
 class BlockedColumn(NamedTuple):
-    """Column of runs that follows from others of the same runs.
+    """Column of runs that follows from others of the same runs."""
 
-    Attributes
-    ----------
-    names : tuple of str
-        The columns that are read, besides the status.
-    take : callable
-        Takes columns; returns values as floats, and a mask of the runs that have one.
-    """
-
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # the columns that are read, besides the status
+    # Takes columns; returns values as floats, and a mask of the runs that have one.
     take: Callable[[_Read], tuple[FloatArray, BoolArray]]
 
 
@@ -148,20 +130,12 @@ def output_column(runs: BlockedRuns, name: str) -> BlockedColumn:
 
 @dataclass(frozen=True, eq=False)
 class BlockedColumns:
-    """Columns of runs, with their accumulators.
-
-    Parameters
-    ----------
-    runs : BlockedRuns
-    grouping : Grouping
-    columns : sequence of BlockedColumn
-    values : ndarray, shape (value,), optional
-        All values that they may have; without it, cells are made from some of the runs.
-    """
+    """Columns of runs, with their accumulators."""
 
     runs: BlockedRuns
     grouping: Grouping
     columns: Sequence[BlockedColumn]
+    # (value,): all values that they may have; without it, cells are made from some of the runs.
     values: FloatArray | None = None
 
     @cached_property

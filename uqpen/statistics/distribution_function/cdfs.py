@@ -18,9 +18,6 @@ from uqpen.statistics.sample import ErrorModel, Sample
 from uqpen.statistics.standard_errors import rounding_error
 from uqpen.statistics.weights import weighted_cdf, weighted_probability_interval
 
-__all__ = ["RANKS", "cdf"]
-
-
 # A distribution function is kept at this many equally spaced probabilities.
 RANKS = 1001
 

@@ -18,8 +18,6 @@ from uqpen.statistics.sample import ENOUGH_RUNS_FOR_MEANS, ErrorModel, Sample
 from uqpen.statistics.standard_errors import extreme_margins, mean_margins
 from uqpen.statistics.weights import effective_sizes
 
-__all__ = ["expected_shortfalls"]
-
 # Where fewer effective runs decide the scatter beyond the quantile, there may be no mean. It is
 # judged, as that of all runs is, where there are many of them.
 _FEWEST_EFFECTIVE_RUNS = 3

@@ -25,22 +25,6 @@ from uqpen.statistics.standard_errors import probability_error
 from uqpen.statistics.threshold import Acceptable, Threshold
 from uqpen.statistics.weights import runs_on_a_side, weighted_probability_interval, weighted_share
 
-__all__ = [
-    "acceptance_coordinates",
-    "below_probabilities",
-    "category_coordinates",
-    "category_probabilities",
-    "category_shares",
-    "event_probability",
-    "exceedance_probabilities",
-    "probabilities_of_statuses",
-    "requested_below",
-    "requested_exceedances",
-    "status_probabilities",
-    "threshold_coordinates",
-]
-
-
 # With fewer effective runs on one side, the error of weighted runs may be larger than it shows.
 _FEWEST_BEYOND = 10
 

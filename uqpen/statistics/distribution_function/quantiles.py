@@ -21,16 +21,6 @@ from uqpen.statistics.sample import ErrorModel, Sample
 from uqpen.statistics.standard_errors import cdf_error
 from uqpen.statistics.weights import runs_on_a_side, weighted_quantile
 
-__all__ = [
-    "has_enough_runs_around",
-    "order_statistic",
-    "percentiles",
-    "quantile_estimates",
-    "requested_quantiles",
-    "sample_quantile",
-]
-
-
 # With fewer runs than this on one side of a value, replicates do not show the error there.
 _FEWEST_BEYOND = 10
 

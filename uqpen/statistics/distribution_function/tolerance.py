@@ -35,8 +35,6 @@ from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Column, ErrorModel, Sample
 from uqpen.statistics.standard_errors import probability_error
 
-__all__ = ["lower_tolerance_limits", "tolerance_intervals", "tolerance_limits"]
-
 
 class _Kind(NamedTuple):
     """Kind of tolerance limits: its name and dimension, and the words for it in an archive."""

@@ -37,14 +37,6 @@ from uqpen.statistics.run_samples import event_sample, samples_of
 from uqpen.statistics.sensitivity.given_data import event_first_order
 from uqpen.statistics.sensitivity.input_measures import event_array
 
-__all__ = [
-    "EventScores",
-    "ScoredInputs",
-    "event_coordinates",
-    "event_sensitivities",
-    "sensitivity_arrays",
-]
-
 # Sensitivities of the probabilities of events to all inputs, as estimate arrays.
 
 # Estimates the sensitivities to an input, by its name and its scores.
@@ -60,20 +52,11 @@ class EventScores(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class ScoredInputs:
-    """The random inputs of a study, as far as their distributions can move.
+    """The random inputs of a study, as far as their distributions can move."""
 
-    Parameters
-    ----------
-    entries : tuple of RandomInput
-        The random inputs.
-    scores : dict of str to InputScores or None
-        By input; None where its mean cannot move by itself.
-    dependence : str
-        Reason why no input has sensitivities; empty where the inputs are independent.
-    """
-
-    entries: tuple[RandomInput, ...]
-    scores: dict[str, InputScores | None]
+    entries: tuple[RandomInput, ...]  # the random inputs
+    scores: dict[str, InputScores | None]  # by input; None where its mean cannot move by itself
+    # Reason why no input has sensitivities; empty where the inputs are independent.
     dependence: str = ""
 
     @classmethod

@@ -19,8 +19,6 @@ from uqpen.statistics.sample import ErrorModel, Sample
 from uqpen.statistics.standard_errors import mean_margins
 from uqpen.statistics.weights import effective_sizes, runs_on_a_side
 
-__all__ = ["InputScores", "PairOfEstimates", "SensitivityEstimates", "sample_sensitivities"]
-
 # Scores of an input: what a run counts for where the input's mean or standard deviation moves.
 
 # Moments are integrals over a standard normal variable. Beyond its ends lies a probability of
@@ -38,26 +36,16 @@ class InputScores:
     moves and the standard deviation stays, or the other way round. They are times the standard
     deviation, so they are plain numbers.
 
-    Parameters
-    ----------
-    distribution : Distribution
-        Of the input.
-    mean, std : float
-        Its moments, in the input's SI unit.
-    centre : ndarray, shape (2,)
-        Means of the functions that span the scores.
-    weights : ndarray, shape (2, 2)
-        Of these functions in the score of the mean, and in that of the standard deviation.
-
     References
     ----------
     Rubinstein, R. Y. (1986). Math. Comput. Simul. 28, 381-392.
     """
 
-    distribution: Distribution
-    mean: float
+    distribution: Distribution  # of the input
+    mean: float  # with std: its moments, in the input's SI unit
     std: float
-    centre: FloatArray
+    centre: FloatArray  # (2,): means of the functions that span the scores
+    # (2, 2): of these functions in the score of the mean, and in that of the standard deviation.
     weights: FloatArray
 
     @classmethod
@@ -121,21 +109,12 @@ class PairOfEstimates(NamedTuple):
 
 @dataclass(frozen=True)
 class SensitivityEstimates:
-    """Sensitivities of an event's probability to the mean and the standard deviation of an input.
+    """Sensitivities of an event's probability to the mean and the deviation of an input."""
 
-    Parameters
-    ----------
-    changes : PairOfEstimates
-        Derivatives of the probability times the standard deviation of the input.
-    relative_changes : PairOfEstimates
-        The same of the logarithm of the probability.
-    effective_runs : float
-        Effective number of the runs with the event, by their scores.
-    """
-
+    # Derivatives of the probability times the standard deviation of the input.
     changes: PairOfEstimates
-    relative_changes: PairOfEstimates
-    effective_runs: float
+    relative_changes: PairOfEstimates  # the same of the logarithm of the probability
+    effective_runs: float  # effective number of the runs with the event, by their scores
 
     @classmethod
     def without_values(cls, reason: str) -> SensitivityEstimates:

@@ -22,8 +22,6 @@ from uqpen.statistics.intervals import student_quantile
 from uqpen.statistics.rare_events.subset_probability import Level, subset_levels
 from uqpen.statistics.weights import effective_sizes
 
-__all__ = ["SubsetScores"]
-
 _FEWEST_REPLICATES = 3
 
 
@@ -33,23 +31,13 @@ class SubsetScores:
 
     The scores are those of the runs, so states that stand at the same run count it again. The
     scatter of the replicates holds that dependence.
-
-    Parameters
-    ----------
-    runs : Dataset
-        All runs of the design.
-    levels : tuple of (Level, Level)
-        The independent draws and the last level of each replicate.
-    level : float
-        Confidence level of the intervals.
-    reason : str
-        Why there are no estimates; empty where there are.
     """
 
-    runs: xr.Dataset
+    runs: xr.Dataset  # all runs of the design
+    # The independent draws and the last level of each replicate.
     levels: tuple[tuple[Level, Level], ...]
-    level: float
-    reason: str = ""
+    level: float  # confidence level of the intervals
+    reason: str = ""  # why there are no estimates; empty where there are
 
     @classmethod
     def of(cls, runs: xr.Dataset, event: LimitState, level: float) -> SubsetScores:

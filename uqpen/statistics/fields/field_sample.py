@@ -29,20 +29,6 @@ from uqpen.statistics.moments.sample_moments import sample_moments
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
 
-__all__ = [
-    "FieldSample",
-    "PlaceSamples",
-    "ScalarAnalysis",
-    "along_field",
-    "at_each_place",
-    "equal_columns",
-    "joined_places",
-    "moments_at_places",
-    "probabilities_at_places",
-    "quantiles_at_places",
-    "reached",
-]
-
 # A field over runs, as samples of its values at each place.
 
 # Values of a field that are taken together, so that memory is bounded: 8 MB.
@@ -50,35 +36,21 @@ _MOST_VALUES = 2**20
 
 
 class PlaceSamples(NamedTuple):
-    """Samples of a field at places that exist in the same runs.
+    """Samples of a field at places that exist in the same runs."""
 
-    Parameters
-    ----------
-    places : ndarray of int, shape (place,)
-        Positions of the places in the field, flattened.
-    runs : Sample
-        The runs in which these places exist; its values are of shape (place, run), those of a
-        place next to each other.
-    """
-
-    places: IntArray
+    places: IntArray  # (place,): positions of the places in the field, flattened
+    # The runs in which these places exist; its values are of shape (place, run), those of a place
+    # next to each other.
     runs: Sample
 
 
 @dataclass(frozen=True, eq=False)
 class FieldSample:
-    """A field over the completed runs of a design.
+    """A field over the completed runs of a design."""
 
-    Parameters
-    ----------
-    runs : Sample
-        The runs, with values of shape (run, *dims). They are NaN where a curve has ended.
-    output : Output
-        The field.
-    """
-
+    # The runs, with values of shape (run, *dims). They are NaN where a curve has ended.
     runs: Sample
-    output: Output
+    output: Output  # the field
 
     @property
     def dims(self) -> tuple[Dimension, ...]:

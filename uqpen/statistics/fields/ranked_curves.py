@@ -17,8 +17,6 @@ from uqpen.statistics import texts
 from uqpen.statistics.fields.field_sample import FieldSample
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 
-__all__ = ["band_depth", "ranked_curves"]
-
 # A curve is outlying beyond so many times the height of the central region (Sun & Genton 2011).
 _FENCE = 1.5
 # Differences below this share of the values are rounding.

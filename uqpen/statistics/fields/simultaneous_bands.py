@@ -26,19 +26,6 @@ from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import ErrorModel, Sample
 from uqpen.statistics.weights import effective_sizes
 
-__all__ = [
-    "BandPlaces",
-    "Influence",
-    "band_places",
-    "deviation_blocks",
-    "mean_band",
-    "mean_band_places",
-    "quantile_band",
-    "reason_without_band",
-    "runs_too_few",
-    "simultaneous_level",
-]
-
 # The places of a field that a simultaneous band covers, and why it leaves out the others.
 
 # With fewer, neither the scatter at a place nor its dependence on other places is known.
@@ -55,14 +42,9 @@ _MOST_STRETCHES = 4
 
 @dataclass(frozen=True, eq=False)
 class BandPlaces:
-    """The places of a field that a band covers.
+    """The places of a field that a band covers."""
 
-    Parameters
-    ----------
-    reasons : tuple of str
-        For each place of the field, flattened, why it is left out; empty where it is not.
-    """
-
+    # For each place of the field, flattened, why it is left out; empty where it is not.
     reasons: tuple[str, ...]
 
     def without(self, condition: BoolArray, reason: str) -> BandPlaces:

@@ -21,8 +21,6 @@ from uqpen.statistics.intervals import runs_needed, upper_rank
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import ErrorModel
 
-__all__ = ["BandShape", "tolerance_band"]
-
 # The shape of a tolerance band: its median curve, and how far it goes to either side of it.
 
 # The band of multiple 1 goes from the second of these quantiles to the last but one. With 0.05 and
@@ -38,25 +36,18 @@ _FEWEST_EFFECTIVE_RUNS = 5
 
 @dataclass(frozen=True, eq=False)
 class BandShape:
-    """A family of bands around a median curve; a multiple of its distances gives one of them.
+    """A family of bands around a median curve; a multiple of its distances gives one of them."""
 
-    Parameters
-    ----------
-    median, below, above : ndarray, shape (place,)
-        The median curve, and the distances to the low and the high quantile; NaN where no run
-        reaches.
-    is_positive : bool
-        Whether the distance of a value y below a median m is m ln(m / y), and not m - y. Both are
-        equal near the median, but no multiple of the former leads to zero.
-    is_widest : ndarray of bool, shape (place,)
-        Whether few runs decide the spread at a place. Its distances are then the largest ones of
-        the field, but for those of the logarithm.
-    """
-
+    # With below, above: (place,): the median curve, and the distances to the low and the high
+    # quantile; NaN where no run reaches.
     median: FloatArray
     below: FloatArray
     above: FloatArray
+    # Whether the distance of a value y below a median m is m ln(m / y), and not m - y. Both are
+    # equal near the median, but no multiple of the former leads to zero.
     is_positive: bool
+    # (place,): whether few runs decide the spread at a place. Its distances are then the largest
+    # ones of the field, but for those of the logarithm.
     is_widest: BoolArray
 
     @classmethod

@@ -15,9 +15,6 @@ from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 
-__all__ = ["quadrature_moments"]
-
-
 # Rounding error of a sum of weighted terms, relative to their size.
 _ROUNDING = 1e-12
 

@@ -26,9 +26,6 @@ from uqpen.statistics.standard_errors import (
 )
 from uqpen.statistics.weights import effective_sizes
 
-__all__ = ["mean_estimate", "sample_moments"]
-
-
 # Where still fewer effective runs than this decide the variance, there may be no mean.
 _FEWEST_EFFECTIVE_RUNS_FOR_A_MEAN = 3
 # Below this number of effective runs, intervals of the standard deviation of weighted draws

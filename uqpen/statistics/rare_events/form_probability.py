@@ -35,31 +35,20 @@ from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.rare_events.rare_event_probability import RareEventProbability
 from uqpen.statistics.sensitivity.input_measures import input_coordinate
 
-__all__ = ["DesignPoint", "design_points", "form_probability"]
-
 # Nodes of Gauss's rule for the probability beyond two planes; the integrand is smooth.
 _NODES = 32
 
 
 @dataclass(frozen=True, eq=False)
 class DesignPoint:
-    """Design point of an event.
+    """Design point of an event."""
 
-    Parameters
-    ----------
-    run : int
-        Position of its run.
-    reliability_index : float
-        Distance from the median in standard normal space, below 0 if the median is in the event.
-    direction : ndarray, shape (random input,)
-        Of the gradient; its squares are the importance factors.
-    curvatures : ndarray, shape (random input - 1,), or None
-        Principal curvatures; None where they are not known.
-    """
-
-    run: int
+    run: int  # position of its run
+    # Distance from the median in standard normal space, below 0 if the median is in the event.
     reliability_index: float
+    # (random input,): of the gradient; its squares are the importance factors.
     direction: FloatArray
+    # (random input - 1,): principal curvatures; None where they are not known.
     curvatures: FloatArray | None
 
     @property

@@ -30,8 +30,6 @@ from uqpen.statistics.rare_events.rare_event_probability import (
     replicate_interval,
 )
 
-__all__ = ["importance_probability"]
-
 # Fewer effective draws in a replicate hardly say how much it scatters.
 _FEW_EFFECTIVE = 10
 
@@ -43,21 +41,11 @@ _SIGNIFICANT = 0.001
 
 
 class _Replicate(NamedTuple):
-    """Estimate of one replicate, with what its weights say of it.
+    """Estimate of one replicate, with what its weights say of it."""
 
-    Parameters
-    ----------
-    probability : ReplicateProbability
-        The estimate.
-    standard_error : float
-        Of the probability of the event, by the weights of the draws.
-    effective_size : float
-        Effective number of draws with the event.
-    """
-
-    probability: ReplicateProbability
-    standard_error: float
-    effective_size: float
+    probability: ReplicateProbability  # the estimate
+    standard_error: float  # of the probability of the event, by the weights of the draws
+    effective_size: float  # effective number of draws with the event
 
 
 def importance_probability(

@@ -26,28 +26,16 @@ from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.rare_events.rare_event_probability import RareEventProbability, WeightedCount
 
-__all__ = ["learned_probability"]
-
 
 class _Correction(NamedTuple):
-    """Runs that correct a surrogate.
+    """Runs that correct a surrogate."""
 
-    Parameters
-    ----------
-    weights : ndarray, shape (run,)
-    predicted : ndarray of bool, shape (run,)
-        Where the surrogate predicts the event.
-    surrogate, error : float
-        Its probability by the surrogate, and the standard error of its sampling.
-    next_weights : tuple of float
-        Weight of a further wrong prediction, where the event is predicted and where it is not.
-    level : float
-    """
-
-    weights: FloatArray
-    predicted: BoolArray
+    weights: FloatArray  # (run,)
+    predicted: BoolArray  # (run,): where the surrogate predicts the event
+    # With error: its probability by the surrogate, and the standard error of its sampling.
     surrogate: float
     error: float
+    # Weight of a further wrong prediction, where the event is predicted and where it is not.
     next_weights: tuple[float, float]
     level: float
 

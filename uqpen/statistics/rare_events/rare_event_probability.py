@@ -20,16 +20,6 @@ from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.intervals import student_quantile
 
-__all__ = [
-    "RareEvent",
-    "RareEventProbability",
-    "ReplicateProbability",
-    "WeightedCount",
-    "half_width_of_logarithm",
-    "rare_event",
-    "replicate_interval",
-]
-
 
 @dataclass(frozen=True)
 class RareEvent:
@@ -44,19 +34,12 @@ class RareEventProbability:
     """Probability of a rare event, and what a method says besides.
 
     It is that of admissible inputs, as of every sample. A failed run widens the interval.
-
-    Parameters
-    ----------
-    estimate : Estimate
-        From all replicates of the design.
-    companions : mapping of str to float
-        Numbers that stand beside it, by the names that `uqpen.archive.estimates` knows.
-    statistics : mapping of str to DataArray
-        Further statistics, which have their names in the catalogue.
     """
 
-    estimate: Estimate
+    estimate: Estimate  # from all replicates of the design
+    # Numbers that stand beside it, by the names that `uqpen.archive.estimates` knows.
     companions: Mapping[str, float] = field(default_factory=dict)
+    # Further statistics, which have their names in the catalogue.
     statistics: Mapping[str, xr.DataArray] = field(default_factory=dict)
 
 
@@ -80,18 +63,10 @@ def rare_event(runs: xr.Dataset) -> RareEvent | None:
 
 
 class ReplicateProbability(NamedTuple):
-    """Probabilities from one replicate, of admissible inputs.
+    """Probabilities from one replicate, of admissible inputs."""
 
-    Parameters
-    ----------
-    event : float
-        Of a completed run that shows the event.
-    missing : float
-        Of a failed run, whose outcome is unknown.
-    """
-
-    event: float
-    missing: float
+    event: float  # of a completed run that shows the event
+    missing: float  # of a failed run, whose outcome is unknown
 
     @property
     def of_completed(self) -> float:
@@ -178,12 +153,7 @@ def half_width_of_logarithm(values: FloatArray, level: float) -> FloatArray:
 
 
 class WeightedCount(NamedTuple):
-    """Sum of weights over runs, with the interval of its expectation.
-
-    Parameters
-    ----------
-    value, lower, upper : float
-    """
+    """Sum of weights over runs, with the interval of its expectation."""
 
     value: float
     lower: float

@@ -37,8 +37,6 @@ from uqpen.statistics.rare_events.rare_event_probability import (
     replicate_interval,
 )
 
-__all__ = ["Level", "TailFunction", "rare_quantiles", "subset_levels", "subset_probability"]
-
 
 def subset_probability(runs: xr.Dataset, event: LimitState, level: float) -> RareEventProbability:
     """Estimate the probability of an event: of a replicate, the product over all levels.
@@ -67,21 +65,11 @@ def subset_probability(runs: xr.Dataset, event: LimitState, level: float) -> Rar
 
 
 class Level(NamedTuple):
-    """Level of a replicate: a sample of the inputs, given that a run reaches the level.
+    """Level of a replicate: a sample of the inputs, given that a run reaches the level."""
 
-    Parameters
-    ----------
-    probability : float
-        Probability of reaching it.
-    threshold : float
-        The performance that reaches it; minus infinity for independent draws.
-    states : ChainStates
-        The states of its chains.
-    """
-
-    probability: float
-    threshold: float
-    states: ChainStates
+    probability: float  # probability of reaching it
+    threshold: float  # the performance that reaches it; minus infinity for independent draws
+    states: ChainStates  # the states of its chains
 
 
 def subset_levels(
@@ -128,19 +116,13 @@ class TailFunction:
     Values are those of the output, times -1 where the event lies below its limit. The probability
     beyond a value is that of the deepest level that the value reaches, times the share of the
     states of this level that lie beyond the value.
-
-    Parameters
-    ----------
-    values : ndarray, shape (value,)
-        Those of all states, ascending.
-    completed : ndarray, shape (replicate, value)
-        Probability beyond each value, given that a run completes.
-    lowest, largest : ndarray, shape (replicate, value)
-        The same where no failed run lies beyond it, and where all do.
     """
 
-    values: FloatArray
+    values: FloatArray  # (value,): those of all states, ascending
+    # (replicate, value): probability beyond each value, given that a run completes.
     completed: FloatArray
+    # With largest: (replicate, value): the same where no failed run lies beyond it, and where all
+    # do.
     lowest: FloatArray
     largest: FloatArray
 

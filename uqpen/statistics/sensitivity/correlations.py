@@ -20,25 +20,15 @@ from uqpen.statistics.sample import Sample, SampleShape
 from uqpen.statistics.sensitivity.input_measures import input_array, reason_without_measure
 from uqpen.statistics.standard_errors import standard_error
 
-__all__ = ["ResidualWeights", "correlations"]
-
 # Residuals of linear regressions of columns on each other, as weighted sums of the columns.
 
 
 @dataclass(frozen=True, eq=False)
 class ResidualWeights:
-    """Regressions of inputs and an output on the other inputs, all from one inverse.
+    """Regressions of inputs and an output on the other inputs, all from one inverse."""
 
-    Parameters
-    ----------
-    inverse : ndarray, shape (input, input)
-        Of the mean products of the inputs (the precision matrix).
-    slopes : ndarray, shape (input,)
-        Of the output on all inputs.
-    """
-
-    inverse: FloatArray
-    slopes: FloatArray
+    inverse: FloatArray  # (input, input): of the mean products of the inputs (the precision matrix)
+    slopes: FloatArray  # (input,): of the output on all inputs
 
     @classmethod
     def of(cls, products: FloatArray) -> ResidualWeights:

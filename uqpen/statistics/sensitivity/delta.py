@@ -22,9 +22,6 @@ from uqpen.statistics.sensitivity.input_measures import (
     reason_without_measure,
 )
 
-__all__ = ["delta"]
-
-
 _FEWEST_RUNS = 48
 # Normal scores beyond lie in the outermost cells.
 _FARTHEST_SCORE = 4.0

@@ -29,8 +29,6 @@ from uqpen.statistics.sensitivity.input_measures import (
 from uqpen.statistics.sensitivity.local_regression import RegressionBins, ResidualVariance
 from uqpen.statistics.standard_errors import standard_error
 
-__all__ = ["event_first_order", "first_order", "first_order_at_places"]
-
 # A variable over runs, and the share of its variance that an input explains.
 
 # Three bins: with fewer, a curved mean cannot be distinguished from noise.
@@ -46,22 +44,15 @@ _NEARLY_ALL = 0.995
 
 @dataclass(frozen=True, eq=False)
 class VarianceParts:
-    """Variance of a variable, and the part of it that an input does not explain.
+    """Variance of a variable, and the part of it that an input does not explain."""
 
-    Parameters
-    ----------
-    total, left : ndarray, shape (...)
-        The variance, and its part about the lines of the input's bins.
-    squares, left_influence : ndarray, shape (..., run)
-        The influence of each run on them, but for a constant.
-    pair_noise : ndarray, shape (...)
-        The part of the error of `left` from the products of pairs of runs.
-    """
-
+    # With left: (...): the variance, and its part about the lines of the input's bins.
     total: FloatArray
     left: FloatArray
+    # With left_influence: (..., run): the influence of each run on them, but for a constant.
     squares: FloatArray
     left_influence: FloatArray
+    # (...): the part of the error of `left` from the products of pairs of runs.
     pair_noise: FloatArray
 
 
@@ -71,25 +62,14 @@ class SampledVariable:
 
     At places of a field it is a variable at each of them, and its numbers are arrays of shape
     (place,).
-
-    Parameters
-    ----------
-    sample : Sample
-        Its values, of shape (run,) or (place, run).
-    has_doubtful_source : bool
-        True if the output that it derives from may have a heavy tail.
-    is_event : bool
-        True if it is the indicator (0 or 1) of an event.
-    is_distance : bool
-        True if its values are distances from a mean.
-    has_ends : bool
-        True if they are of curves that end: the noise of pairs is then counted twice.
     """
 
-    sample: Sample
+    sample: Sample  # its values, of shape (run,) or (place, run)
+    # True if the output that it derives from may have a heavy tail.
     has_doubtful_source: bool = False
-    is_event: bool = False
-    is_distance: bool = False
+    is_event: bool = False  # true if it is the indicator (0 or 1) of an event
+    is_distance: bool = False  # true if its values are distances from a mean
+    # True if they are of curves that end: the noise of pairs is then counted twice.
     has_ends: bool = False
 
     @cached_property
@@ -357,51 +337,27 @@ def first_order_at_places(
 
 @dataclass(eq=False)
 class _InputSums:
-    """Sums over the places of a field, each with its weight, about the lines of one input.
+    """Sums over the places of a field, each with its weight, about the lines of one input."""
 
-    Parameters
-    ----------
-    squares : ndarray, shape (run,)
-        Squared distances of the runs from the mean of the field.
-    influence, left_influence : ndarray, shape (run,)
-        Influence of each run on `variance` and on `left`, of mean 0.
-    variance, left : float
-        The variance, and its part that the input does not explain.
-    products : ndarray, shape (bin, slot, slot)
-        Pair products.
-    """
-
-    squares: FloatArray
+    squares: FloatArray  # (run,): squared distances of the runs from the mean of the field
+    # With left_influence: (run,): influence of each run on `variance` and on `left`, of mean 0.
     influence: FloatArray
     left_influence: FloatArray
-    variance: float = 0.0
+    variance: float = 0.0  # with left: the variance, and its part that the input does not explain
     left: float = 0.0
+    # (bin, slot, slot): pair products.
     products: FloatArray = field(default_factory=lambda: np.zeros(1))
 
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """Places of a field that go through an input together.
+    """Places of a field that go through an input together."""
 
-    Parameters
-    ----------
-    places : ndarray of int, shape (place,)
-        By their positions in the field, flattened.
-    runs : ndarray of int, shape (run,)
-        The runs in which they exist, by their positions in the field.
-    regressions : LocalRegressions
-        Of these runs.
-    variable : SampledVariable
-        The values at each place.
-    weights : ndarray, shape (place,)
-        Variance at each place, times its part of the grid.
-    """
-
-    places: IntArray
-    runs: IntArray
-    regressions: LocalRegressions
-    variable: SampledVariable
-    weights: FloatArray
+    places: IntArray  # (place,): by their positions in the field, flattened
+    runs: IntArray  # (run,): the runs in which they exist, by their positions in the field
+    regressions: LocalRegressions  # of these runs
+    variable: SampledVariable  # the values at each place
+    weights: FloatArray  # (place,): variance at each place, times its part of the grid
 
 
 def _parts(sample: FieldSample) -> Iterator[_Part]:

@@ -22,37 +22,15 @@ from uqpen.statistics.fields.field_sample import along_field
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
 
-__all__ = [
-    "OutputFunction",
-    "event_array",
-    "function_array",
-    "input_array",
-    "input_coordinate",
-    "input_place_array",
-    "output_functions",
-    "reason_of_input",
-    "reason_without_measure",
-]
-
 
 class OutputFunction(NamedTuple):
-    """Function of an output whose variance the inputs share: itself, its logarithm, or events.
+    """Function of an output whose variance the inputs share: itself, its logarithm, or events."""
 
-    Parameters
-    ----------
-    prefix : str
-        Before the names of its measures.
-    title : str
-        For display.
-    rows : sequence of callable
-        Each takes values of the output: one, or one for each event.
-    events : mapping
-        Coordinates of the events, that of the dimension first; empty for no event.
-    """
-
-    prefix: str
-    title: str
+    prefix: str  # before the names of its measures
+    title: str  # for display
+    # Each takes values of the output: one, or one for each event.
     rows: Sequence[Callable[[Any], FloatArray]]
+    # Coordinates of the events, that of the dimension first; empty for no event.
     events: Mapping[str, Any]
 
 

@@ -13,9 +13,6 @@ from uqpen.core.streams import Stream
 from uqpen.statistics.intervals import group_sums
 from uqpen.statistics.sample import ErrorModel, Sample
 
-__all__ = ["RegressionBins", "ResidualVariance"]
-
-
 # Runs in a bin. More runs reduce the noise; fewer runs reduce the bias from curvature.
 _RUNS_IN_A_BIN = 16
 # Of more independent runs than this, bins grow with the root of their number. There are bins enough
@@ -32,18 +29,11 @@ _FEWEST_RUNS_FOR_A_SLOPE = 4
 
 @dataclass(frozen=True)
 class RegressionBins:
-    """Bins of an input's ranks, and in each the straight line through an output.
+    """Bins of an input's ranks, and in each the straight line through an output."""
 
-    Parameters
-    ----------
-    label : ndarray of int, shape (run,)
-        The bin of each run, numbered through those that are not empty.
-    place : ndarray, shape (run,)
-        Where in its bin each run lies: of mean 0 and sum of squares 1 in every bin, or 0 in a bin
-        that has too few runs for a slope.
-    """
-
-    label: IntArray
+    label: IntArray  # (run,): the bin of each run, numbered through those that are not empty
+    # (run,): where in its bin each run lies: of mean 0 and sum of squares 1 in every bin, or 0 in a
+    # bin that has too few runs for a slope.
     place: FloatArray
 
     @classmethod
@@ -163,17 +153,10 @@ class RegressionBins:
 
 @dataclass(frozen=True)
 class ResidualVariance:
-    """Variance of variables about the lines of an input's bins: the input does not explain it.
-
-    Parameters
-    ----------
-    bins : RegressionBins
-    values : ndarray, shape (..., run)
-        Of one variable or of several.
-    """
+    """Variance of variables about the lines of an input's bins: the input does not explain it."""
 
     bins: RegressionBins
-    values: FloatArray
+    values: FloatArray  # (..., run): of one variable or of several
 
     @cached_property
     def residual(self) -> FloatArray:

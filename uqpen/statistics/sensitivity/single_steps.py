@@ -32,15 +32,6 @@ from uqpen.statistics.intervals import student_quantile
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sensitivity.input_measures import input_array
 
-__all__ = [
-    "effects_at_places",
-    "effects_by_input",
-    "elementary_effects",
-    "mean_effect",
-    "relative_responses",
-    "responses_at_places",
-]
-
 # Elementary effects: changes of an output with one input, at random points of the inputs.
 
 # With fewer effects the coverage in simulations was 89 % to 100 %, else 93 % to 98 %.

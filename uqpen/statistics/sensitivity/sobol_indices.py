@@ -33,31 +33,19 @@ from uqpen.statistics.sensitivity.input_measures import (
     output_functions,
 )
 
-__all__ = ["sobol_indices", "sobol_indices_at_places"]
-
 # Complete blocks of a pick-freeze design.
 
 
 @dataclass(frozen=True)
 class PickFreezeBlocks:
-    """Complete blocks: those whose runs all completed.
+    """Complete blocks: those whose runs all completed."""
 
-    Parameters
-    ----------
-    layout : BlockLayout
-        The parts of a block.
-    rows : dict of int to ndarray of int, shape (block,)
-        The number of the run of each part, by the part's matrix.
-    replicate : ndarray of int, shape (block,)
-        The replicate of each block. Only replicates with a block are numbered.
-    attributes : dict of str to int or str
-        Attributes of indices from these blocks: numbers of used and dropped blocks, and the joint
-        distribution that the indices refer to.
-    """
-
-    layout: BlockLayout
-    rows: dict[int, IntArray]
+    layout: BlockLayout  # the parts of a block
+    rows: dict[int, IntArray]  # (block,): the number of the run of each part, by the part's matrix
+    # (block,): the replicate of each block. Only replicates with a block are numbered.
     replicate: IntArray
+    # Attributes of indices from these blocks: numbers of used and dropped blocks, and the joint
+    # distribution that the indices refer to.
     attributes: dict[str, int | str]
 
     @classmethod
@@ -142,25 +130,14 @@ class BlockVariable:
     """A variable over the runs of blocks, and its Sobol' indices.
 
     At places of a field it is a variable at each of them.
-
-    Parameters
-    ----------
-    blocks : PickFreezeBlocks
-    values : ndarray, shape (run,) or (place, run)
-        The variable, in any unit. At no place it is constant.
-    is_event : bool
-        True if it is the indicator (0 or 1) of an event.
-    is_distance : bool
-        True if its values are distances from a mean.
-    level : float
-        Confidence level of the intervals of its indices.
     """
 
     blocks: PickFreezeBlocks
+    # (run,): the variable, in any unit. At no place it is constant.
     values: npt.NDArray[Any]
-    is_event: bool = False
-    is_distance: bool = False
-    level: float = LEVEL
+    is_event: bool = False  # true if it is the indicator (0 or 1) of an event
+    is_distance: bool = False  # true if its values are distances from a mean
+    level: float = LEVEL  # confidence level of the intervals of its indices
 
     @cached_property
     def sample(self) -> Sample:

@@ -46,33 +46,17 @@ from uqpen.statistics.intervals import (
 )
 from uqpen.statistics.surrogate.correction_runs import CorrectionRuns
 
-__all__ = [
-    "CorrectedCdf",
-    "Counts",
-    "FoldChoice",
-    "FoldCounts",
-    "QuantileChoices",
-    "with_bounds",
-]
-
 # Predictions that folds use for quantiles: one choice for all values of an interval.
 
 
 @dataclass(frozen=True, eq=False)
 class QuantileChoices:
-    """Choices of all folds, each for the probabilities of a piece of 0 to 1.
+    """Choices of all folds, each for the probabilities of a piece of 0 to 1."""
 
-    Parameters
-    ----------
-    ends : ndarray, shape (piece,)
-        The last probability of each piece, ascending; that of the last piece is 1. A piece has its
-        end, and not that of the one before.
-    choice : FoldChoice
-        Of shape (fold, piece).
-    """
-
+    # (piece,): the last probability of each piece, ascending; that of the last piece is 1. A piece
+    # has its end, and not that of the one before.
     ends: FloatArray
-    choice: FoldChoice
+    choice: FoldChoice  # of shape (fold, piece)
 
     @classmethod
     def of(cls, runs: CorrectionRuns, grid: FloatArray, choice: FoldChoice) -> QuantileChoices:
@@ -345,17 +329,10 @@ Counts = npt.NDArray[np.integer[Any]] | FloatArray
 
 @dataclass(frozen=True, eq=False)
 class FoldChoice:
-    """Prediction of each fold for an event, or for each of several: by its fit, or a constant.
+    """Prediction of each fold for an event, or for each of several: by its fit, or a constant."""
 
-    Parameters
-    ----------
-    uses_fit : ndarray of bool, shape (fold, ...)
-        Whether the fold uses its fit.
-    otherwise : ndarray of bool, shape (fold, ...)
-        Without it, whether the fold predicts that the event always happens, or never.
-    """
-
-    uses_fit: BoolArray
+    uses_fit: BoolArray  # (fold, ...): whether the fold uses its fit
+    # (fold, ...): without it, whether the fold predicts that the event always happens, or never.
     otherwise: BoolArray
 
     def at(self, number: IntArray) -> FoldChoice:
@@ -365,22 +342,15 @@ class FoldChoice:
 
 @dataclass(frozen=True, eq=False)
 class FoldCounts:
-    """Numbers of runs of each fold at which an event happened, or each of several events.
+    """Numbers of runs of each fold at which an event happened, or each of several events."""
 
-    Parameters
-    ----------
-    by_model, by_fit, by_both, missing : ndarray of int, shape (fold, ...)
-        By the model, by the fold's fit, by both, and by the fit at missing runs. Of weighted runs,
-        sums of weights.
-    squares : FoldCounts, optional
-        The same sums of the squares of the weights.
-    """
-
+    # With by_fit, by_both, missing: (fold, ...): by the model, by the fold's fit, by both, and by
+    # the fit at missing runs. Of weighted runs, sums of weights.
     by_model: Counts
     by_fit: Counts
     by_both: Counts
     missing: Counts
-    squares: FoldCounts | None = None
+    squares: FoldCounts | None = None  # the same sums of the squares of the weights
 
     @classmethod
     def weighted(

@@ -41,16 +41,6 @@ from uqpen.statistics.surrogate.surrogate_draws import (
 )
 from uqpen.surrogates.fitted_surrogate import ClosedForms
 
-__all__ = [
-    "FIRST_ORDER",
-    "TOTAL_ORDER",
-    "IndexedVariable",
-    "IndexedVariables",
-    "InputParts",
-    "corrected_event_indices",
-    "corrected_indices",
-]
-
 FIRST_ORDER, TOTAL_ORDER = "first_order", "total_order"
 
 Function = Callable[[FloatArray], FloatArray]
@@ -61,20 +51,11 @@ _RESOLUTION = 0.001
 
 @dataclass(frozen=True, eq=False)
 class InputParts:
-    """Projections of the surrogate, by input.
+    """Projections of the surrogate, by input."""
 
-    Parameters
-    ----------
-    values : ndarray, shape (run, input)
-        The projection of the fit of each run's fold, at the run.
-    squares : ndarray, shape (fold, input)
-        The mean square of the projection of each fold's fit.
-    error : ndarray, shape (input,), optional
-        Standard error that draws leave to the mean of the squares over all runs.
-    """
-
-    values: FloatArray
-    squares: FloatArray
+    values: FloatArray  # (run, input): the projection of the fit of each run's fold, at the run
+    squares: FloatArray  # (fold, input): the mean square of the projection of each fold's fit
+    # (input,): standard error that draws leave to the mean of the squares over all runs.
     error: FloatArray | float = 0.0
 
     def each(self) -> Iterator[tuple[FloatArray, FloatArray, float]]:
@@ -150,20 +131,11 @@ def _bracket(value: float, lower: float, upper: float) -> Estimate:
 
 @dataclass(frozen=True, eq=False)
 class _Share:
-    """Share of the variance of a variable, by the delta method.
-
-    Parameters
-    ----------
-    runs : CorrectionRuns
-    variance : CorrectedMean
-        Of the variable.
-    draws_error : float
-        Standard error of the part that draws leave.
-    """
+    """Share of the variance of a variable, by the delta method."""
 
     runs: CorrectionRuns
-    variance: CorrectedMean
-    draws_error: float
+    variance: CorrectedMean  # of the variable
+    draws_error: float  # standard error of the part that draws leave
 
     def interval(self, terms: FloatArray) -> tuple[float, float, float]:
         """Return the mean of some terms as a share, with its bounds."""
@@ -206,27 +178,13 @@ def _itself(values: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class IndexedVariable:
-    """Variable with the projections of its fits.
+    """Variable with the projections of its fits."""
 
-    Parameters
-    ----------
-    output : CorrectionRuns
-        Of the output that it follows from.
-    parts : mapping of str to InputParts
-        By the kind of the indices.
-    reasons : mapping of str to str
-        Why there are no projections for the other kinds.
-    function : callable
-        Function of the output that the variable is.
-    is_event : bool
-        True if the variable is 0 or 1.
-    """
-
-    output: CorrectionRuns
-    parts: Mapping[str, InputParts]
-    reasons: Mapping[str, str]
-    function: Function = _itself
-    is_event: bool = False
+    output: CorrectionRuns  # of the output that it follows from
+    parts: Mapping[str, InputParts]  # by the kind of the indices
+    reasons: Mapping[str, str]  # why there are no projections for the other kinds
+    function: Function = _itself  # function of the output that the variable is
+    is_event: bool = False  # true if the variable is 0 or 1
 
     @property
     def runs(self) -> CorrectionRuns:
@@ -243,16 +201,9 @@ class IndexedVariable:
 
 @dataclass(frozen=True)
 class IndexedVariables:
-    """Folds of real runs, with the projections of their fits.
+    """Folds of real runs, with the projections of their fits."""
 
-    Parameters
-    ----------
-    draws : SurrogateDraws
-        Of the fit to all training runs; its model has scalar outputs.
-    folds : sequence of FoldFit
-    """
-
-    draws: SurrogateDraws
+    draws: SurrogateDraws  # of the fit to all training runs; its model has scalar outputs
     folds: Sequence[FoldFit]
 
     def of_output(

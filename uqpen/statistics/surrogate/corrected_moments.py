@@ -24,18 +24,6 @@ from uqpen.statistics.sample import (
 from uqpen.statistics.standard_errors import Margins
 from uqpen.statistics.surrogate.correction_runs import CorrectionRuns
 
-__all__ = [
-    "CorrectedMean",
-    "CorrectedMoments",
-    "corrected_mean",
-    "kurtosis",
-    "quantile_estimates",
-    "quantile_probabilities",
-    "spacing",
-    "tail_allowance",
-    "upper_allowance",
-]
-
 # Corrected mean: a surrogate's mean over cheap draws plus what real runs say of its error.
 #
 # The predictions are a control variate whose mean is known. Their weight is tuned, so that a
@@ -60,21 +48,11 @@ _LARGEST_AT = 0.84
 
 @dataclass(frozen=True, eq=False)
 class CorrectedMean:
-    """Mean of a function of the output, corrected by real runs.
+    """Mean of a function of the output, corrected by real runs."""
 
-    Parameters
-    ----------
-    influence : ndarray, shape (run,)
-        Values whose mean is the estimate.
-    weight : float
-        Weight of the surrogate, from 0 to 1.
-    draws_variance : float
-        Variance of the estimate that comes from the draws of the surrogate.
-    """
-
-    influence: FloatArray
-    weight: float
-    draws_variance: float
+    influence: FloatArray  # (run,): values whose mean is the estimate
+    weight: float  # weight of the surrogate, from 0 to 1
+    draws_variance: float  # variance of the estimate that comes from the draws of the surrogate
 
     @property
     def value(self) -> float:
@@ -217,12 +195,7 @@ _LARGEST_EXPONENT = 709.0
 
 @dataclass(frozen=True)
 class CorrectedMoments:
-    """Corrected moments of one output.
-
-    Parameters
-    ----------
-    runs : CorrectionRuns
-    """
+    """Corrected moments of one output."""
 
     runs: CorrectionRuns
 

@@ -62,17 +62,6 @@ from uqpen.surrogates.field_surrogate import FieldSurrogate
 from uqpen.surrogates.fitted_surrogate import ClosedForms
 from uqpen.surrogates.fitting import CrossFit
 
-__all__ = [
-    "FEWEST_ON_A_SIDE",
-    "CorrectionEvidence",
-    "Indexed",
-    "OutputCorrection",
-    "correct_statistics",
-    "correction_evidence",
-    "is_index",
-    "narrower",
-]
-
 # Corrected estimates of one output, by the names of their statistics.
 
 # The beginning of their names, and their kind.
@@ -88,17 +77,10 @@ FEWEST_ON_A_SIDE = 10
 
 @dataclass(frozen=True)
 class OutputCorrection:
-    """Real runs of one output, with its statistics.
-
-    Parameters
-    ----------
-    runs : CorrectionRuns
-    indexed : mapping of str to tuple of IndexedVariable
-        By the beginning of the names of their indices.
-    quantity : QuantityOfInterest
-    """
+    """Real runs of one output, with its statistics."""
 
     runs: CorrectionRuns
+    # By the beginning of the names of their indices.
     indexed: Mapping[str, tuple[IndexedVariable, ...]]
     quantity: QuantityOfInterest
 
@@ -460,27 +442,15 @@ _FEWEST_RUNS = 10
 
 @dataclass(frozen=True, eq=False)
 class CorrectionEvidence:
-    """Evidence on the errors of a surrogate.
+    """Evidence on the errors of a surrogate."""
 
-    Parameters
-    ----------
-    runs : mapping of str to CorrectionRuns
-        By scalar output.
-    reasons : mapping of str to str
-        The reason why nothing corrects each other output.
-    indexed : mapping of str to mapping of str to tuple of IndexedVariable
-        By output and by the beginning of their names, what indices follow from.
-    plain : mapping of str to mapping of str to DataArray
-        Estimates of the runs of one design alone, before a surrogate placed any, for comparison.
-    has_own_number : bool
-        True if runs decided their own number.
-    """
-
-    runs: Mapping[str, CorrectionRuns]
-    reasons: Mapping[str, str]
+    runs: Mapping[str, CorrectionRuns]  # by scalar output
+    reasons: Mapping[str, str]  # the reason why nothing corrects each other output
+    # By output and by the beginning of their names, what indices follow from.
     indexed: Mapping[str, Indexed] = field(default_factory=dict)
+    # Estimates of the runs of one design alone, before a surrogate placed any, for comparison.
     plain: Mapping[str, OutputStatistics] = field(default_factory=dict)
-    has_own_number: bool = False
+    has_own_number: bool = False  # true if runs decided their own number
 
 
 def correction_evidence(

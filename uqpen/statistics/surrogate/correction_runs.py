@@ -26,8 +26,6 @@ from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.surrogates.field_surrogate import FieldSurrogate
 from uqpen.surrogates.fitted_surrogate import FittedSurrogate
 
-__all__ = ["CorrectionRuns", "FoldFit", "missing_run_predictions"]
-
 
 @dataclass(frozen=True, eq=False)
 class CorrectionRuns:
@@ -35,39 +33,25 @@ class CorrectionRuns:
 
     A fold is a set of runs with the same fit: training runs with the fit to the other ones, check
     runs with the fit to all training runs.
-
-    Parameters
-    ----------
-    values, predictions : ndarray, shape (run,)
-        The output by the model, and by the fit of the run's fold, in its SI unit.
-    fold : ndarray of int, shape (run,)
-        The fold of each run, from 0.
-    draws : ndarray, shape (fold, draw)
-        The predictions of each fold's fit at draws of the input distribution given admissible.
-    draw_replicate : ndarray of int, shape (draw,)
-        The set of quasi-random points that each draw is of, from 0.
-    missing_predictions : ndarray, shape (missing,)
-        Predictions at the inputs of the runs that are missing.
-    missing_fold : ndarray of int, shape (missing,)
-        The fold of each missing run.
-    exact_moments : ndarray, shape (fold, 2), optional
-        Mean and standard deviation of each fold's fit, where they are known without draws.
-    level : float
-        Confidence level of the intervals.
-    weights, missing_weights : ndarray, shape (run,) and (missing,), optional
-        Of completed and of missing runs that were placed by another density: that of the input
-        distribution over that of their placement. Without them, all are 1.
     """
 
+    # With predictions: (run,): the output by the model, and by the fit of the run's fold, in its SI
+    # unit.
     values: FloatArray
     predictions: FloatArray
-    fold: IntArray
+    fold: IntArray  # (run,): the fold of each run, from 0
+    # (fold, draw): the predictions of each fold's fit at draws of the input distribution given
+    # admissible.
     draws: FloatArray
-    draw_replicate: IntArray
+    draw_replicate: IntArray  # (draw,): the set of quasi-random points that each draw is of, from 0
+    # (missing,): predictions at the inputs of the runs that are missing.
     missing_predictions: FloatArray
-    missing_fold: IntArray
+    missing_fold: IntArray  # (missing,): the fold of each missing run
+    # (fold, 2): mean and standard deviation of each fold's fit, where they are known without draws.
     exact_moments: FloatArray | None = None
-    level: float = LEVEL
+    level: float = LEVEL  # confidence level of the intervals
+    # With missing_weights: (run,): of completed and of missing runs that were placed by another
+    # density: that of the input distribution over that of their placement. Without them, all are 1.
     weights: FloatArray | None = None
     missing_weights: FloatArray | None = None
 
@@ -165,18 +149,10 @@ def missing_run_predictions(
 
 @dataclass(frozen=True, eq=False)
 class FoldFit:
-    """Fit, and the completed and the missing runs that it has not seen.
+    """Fit, and the completed and the missing runs that it has not seen."""
 
-    Parameters
-    ----------
-    model : FittedSurrogate
-        Of scalar outputs.
-    completed, missing : Dataset
-        Inadmissible runs are neither.
-    """
-
-    model: FittedSurrogate
-    completed: xr.Dataset
+    model: FittedSurrogate  # of scalar outputs
+    completed: xr.Dataset  # with missing: inadmissible runs are neither
     missing: xr.Dataset
 
     @classmethod

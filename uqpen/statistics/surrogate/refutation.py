@@ -37,8 +37,6 @@ from uqpen.surrogates.diagnostics import predictive_q2, shown_diagnostics
 from uqpen.surrogates.field_surrogate import FieldSurrogate
 from uqpen.surrogates.fitting import CrossFit
 
-__all__ = ["LEAST_Q2", "contradiction", "missing_estimates", "refutations", "without_numbers"]
-
 # Below it, a surrogate errs more than the mean of the runs, and so knows less than they do. Above
 # it, runs correct its figures, and their intervals say how little it knows.
 LEAST_Q2 = 0.0

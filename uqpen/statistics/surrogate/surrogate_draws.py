@@ -24,17 +24,6 @@ from uqpen.execution import Evaluator, evaluate
 from uqpen.statistics import texts
 from uqpen.surrogates.fitted_surrogate import ClosedForms, FittedSurrogate
 
-__all__ = [
-    "MOST_INPUTS_FOR_ALL_SETS",
-    "ConditionalDraws",
-    "ConditionalSample",
-    "PickFreezePairs",
-    "SurrogateDraws",
-    "VarianceShares",
-    "draw_pick_freeze_pairs",
-    "paired_outputs",
-]
-
 # Draws from a joint distribution, conditional on some inputs and on being admissible.
 
 # Number of redraws after which a draw that is still inadmissible is left out.
@@ -45,39 +34,23 @@ _NO_VALUES: Mapping[str, FloatArray] = MappingProxyType({})
 
 @dataclass(frozen=True, eq=False)
 class ConditionalSample:
-    """Draws of all inputs.
+    """Draws of all inputs."""
 
-    Parameters
-    ----------
-    points : ndarray, shape (run, random input)
-        As probabilities.
-    inputs : mapping of str to ndarray, shape (run,)
-        In SI units. Some rows may be inadmissible for want of a better draw.
-    """
-
-    points: FloatArray
+    points: FloatArray  # (run, random input): as probabilities
+    # (run,): in SI units. Some rows may be inadmissible for want of a better draw.
     inputs: dict[str, FloatArray]
 
 
 @dataclass(frozen=True)
 class ConditionalDraws:
-    """Joint distribution to draw from, conditional on some inputs and on being admissible.
+    """Joint distribution to draw from, conditional on some inputs and on being admissible."""
 
-    Parameters
-    ----------
-    evaluator : Evaluator
-        A model with the constraints of the joint distribution. It knows what is admissible.
-    joint : JointDistribution
-    given : mapping of str to float
-        Values of fixed inputs that replace those of the joint distribution.
-    stream : Stream
-        Source of the random numbers of redraws.
-    """
-
+    # A model with the constraints of the joint distribution. It knows what is admissible.
     evaluator: Evaluator
     joint: JointDistribution
+    # Values of fixed inputs that replace those of the joint distribution.
     given: Mapping[str, float]
-    stream: Stream
+    stream: Stream  # source of the random numbers of redraws
 
     def draw(
         self,
@@ -174,20 +147,13 @@ MOST_INPUTS_FOR_ALL_SETS = 10
 
 @dataclass(frozen=True, eq=False)
 class VarianceShares:
-    """Shares of variances that sets of inputs explain.
+    """Shares of variances that sets of inputs explain."""
 
-    Parameters
-    ----------
-    dimension : int
-        Number of inputs.
-    explained : mapping of int to ndarray, shape (...)
-        Var E[Y | X_J] / Var Y, by the set J as the bits of a number; of one variable or of several.
-    replicates : VarianceShares, optional
-        The same from each part of the pairs, along a first axis.
-    """
-
-    dimension: int
+    dimension: int  # number of inputs
+    # (...): var E[Y | X_J] / Var Y, by the set J as the bits of a number; of one variable or of
+    # several.
     explained: Mapping[int, FloatArray]
+    # The same from each part of the pairs, along a first axis.
     replicates: VarianceShares | None = None
 
     def errors(self, measure: str) -> list[float]:
@@ -223,20 +189,11 @@ class VarianceShares:
 
 @dataclass(frozen=True, eq=False)
 class PickFreezePairs:
-    """Outputs at pairs of draws.
+    """Outputs at pairs of draws."""
 
-    Parameters
-    ----------
-    dimension : int
-        Number of random inputs.
-    first : mapping of str to ndarray, shape (pair,)
-        The outputs at the first draw of each pair.
-    second : mapping of int to mapping of str to ndarray, shape (pair,)
-        Those at the second, by the set of inputs that the two share; 0 is the set of none.
-    """
-
-    dimension: int
-    first: Mapping[str, FloatArray]
+    dimension: int  # number of random inputs
+    first: Mapping[str, FloatArray]  # (pair,): the outputs at the first draw of each pair
+    # (pair,): those at the second, by the set of inputs that the two share; 0 is the set of none.
     second: Mapping[int, Mapping[str, FloatArray]]
 
     def variance_shares(
@@ -348,25 +305,14 @@ _SAMPLE = SobolSequence(runs=65_536, replicates=16)
 
 @dataclass(frozen=True)
 class SurrogateDraws:
-    """A fitted surrogate with the joint distribution of its inputs.
-
-    Parameters
-    ----------
-    model : FittedSurrogate
-    joint : JointDistribution
-    constraints : sequence of Constraint
-        Bounds of the joint distribution.
-    given : mapping of str to float
-        Values of fixed inputs that replace those of the joint distribution.
-    stream : Stream
-        Source of the random numbers.
-    """
+    """A fitted surrogate with the joint distribution of its inputs."""
 
     model: FittedSurrogate
     joint: JointDistribution
-    constraints: Sequence[Constraint]
+    constraints: Sequence[Constraint]  # bounds of the joint distribution
+    # Values of fixed inputs that replace those of the joint distribution.
     given: Mapping[str, float]
-    stream: Stream
+    stream: Stream  # source of the random numbers
 
     @cached_property
     def runs(self) -> xr.Dataset:

@@ -15,8 +15,6 @@ from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sensitivity.input_measures import function_array, output_functions
 from uqpen.statistics.surrogate.surrogate_draws import MOST_INPUTS_FOR_ALL_SETS, SurrogateDraws
 
-__all__ = ["surrogate_indices"]
-
 # The endings of their names, with what they are.
 _ORDERS = {
     "first_order": "first-order Sobol' indices",

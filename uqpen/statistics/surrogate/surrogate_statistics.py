@@ -57,27 +57,15 @@ from uqpen.surrogates.chaos.expansion import input_shares
 from uqpen.surrogates.field_fit import FieldFit
 from uqpen.surrogates.field_surrogate import FieldSurrogate
 
-__all__ = [
-    "SurrogateStatistics",
-    "surrogate_statistics",
-]
-
 _SAMPLED = [*dict.fromkeys(each.group for each in CATALOGUE.values() if each.is_of_surrogates)]
 
 
 @dataclass(frozen=True)
 class SurrogateStatistics:
-    """Estimate arrays of a surrogate by output and statistic, before runs correct them.
+    """Estimate arrays of a surrogate by output and statistic, before runs correct them."""
 
-    Parameters
-    ----------
-    outputs : mapping of str to mapping of str to DataArray
-        Of scalar outputs.
-    fields : mapping of str to mapping of str to DataArray
-        Of fields, which runs do not correct: each says what the surrogate leaves.
-    """
-
-    outputs: Mapping[str, OutputStatistics]
+    outputs: Mapping[str, OutputStatistics]  # of scalar outputs
+    # Of fields, which runs do not correct: each says what the surrogate leaves.
     fields: Mapping[str, OutputStatistics] = field(default_factory=dict)
 
 

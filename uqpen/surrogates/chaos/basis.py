@@ -19,16 +19,6 @@ from uqpen.surrogates.diagnostics import describe
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = [
-    "MOST_TERMS",
-    "NestedSums",
-    "ProductBasis",
-    "UnivariateBasis",
-    "multi_indices",
-    "nested_sums",
-    "univariate_basis",
-]
-
 # Univariate basis: polynomials that are orthonormal for the distribution of one input.
 #
 # They are functions of a standardised variable: the input itself or its logarithm, shifted and
@@ -45,23 +35,13 @@ class UnivariateBasis:
 
     With ξ = (x - location) / scale, x the input or its logarithm, the orthonormal polynomials are
     √b_{n+1} p_{n+1} = (ξ - a_n) p_n - √b_n p_{n-1}, from p_0 = 1.
-
-    Parameters
-    ----------
-    name : str
-        The input's.
-    is_logarithm : bool
-        Whether x is the input's logarithm.
-    location, scale : float
-        Parameters of the standardised variable ξ of x.
-    centres, ratios : ndarray, shape (degree + 1,)
-        a_n and b_n from n = 0; b_0 is 1 and has no meaning.
     """
 
-    name: str
-    is_logarithm: bool
-    location: float
+    name: str  # the input's
+    is_logarithm: bool  # whether x is the input's logarithm
+    location: float  # with scale: parameters of the standardised variable ξ of x
     scale: float
+    # With ratios: (degree + 1,): a_n and b_n from n = 0; b_0 is 1 and has no meaning.
     centres: FloatArray
     ratios: FloatArray
 
@@ -160,14 +140,9 @@ _ROWS = 4096
 
 @dataclass(frozen=True, eq=False)
 class ProductBasis:
-    """Orthonormal polynomials of independent inputs.
+    """Orthonormal polynomials of independent inputs."""
 
-    Parameters
-    ----------
-    univariate_bases : tuple of UnivariateBasis
-        One for each random input, in the order of the joint distribution.
-    """
-
+    # One for each random input, in the order of the joint distribution.
     univariate_bases: tuple[UnivariateBasis, ...]
 
     @classmethod

@@ -24,8 +24,6 @@ from uqpen.distributions.univariate import Beta, Gamma, Normal, Uniform
 from uqpen.surrogates.chaos.basis import ProductBasis, UnivariateBasis
 from uqpen.surrogates.chaos.term_selection import FitPoints, Terms
 
-__all__ = ["ChaospyExpansion", "input_problems"]
-
 # Family, parameters, location and scale of a standard form.
 _Form = tuple[str, tuple[float, ...], float, float]
 
@@ -75,18 +73,10 @@ class _Standard:
 
 @dataclass(frozen=True)
 class ChaospyExpansion:
-    """Expansion that chaospy builds and fits.
+    """Expansion that chaospy builds and fits."""
 
-    Parameters
-    ----------
-    names : tuple of str
-        The random inputs.
-    distributions : tuple
-        Their standard forms.
-    """
-
-    names: tuple[str, ...]
-    distributions: tuple[_Standard, ...]
+    names: tuple[str, ...]  # the random inputs
+    distributions: tuple[_Standard, ...]  # their standard forms
 
     @classmethod
     def from_distribution(cls, joint: JointDistribution, *, logarithms: bool) -> ChaospyExpansion:

@@ -9,16 +9,6 @@ import scipy
 
 from uqpen.core.arrays import FloatArray, IntArray
 
-__all__ = [
-    "FOLDS",
-    "RegressionFit",
-    "cross_validation",
-    "is_exact",
-    "least_squares",
-    "projection_coefficients",
-    "sparse_regression",
-]
-
 # Coefficients from runs: least squares on all terms, or on those that a sparse fit chooses.
 #
 # A sparse fit takes the terms one by one, always the one most correlated with what is left, and
@@ -49,24 +39,14 @@ _DEPENDENT = 1e-10
 
 @dataclass(frozen=True, eq=False)
 class RegressionFit:
-    """Coefficients of terms, and their errors.
+    """Coefficients of terms, and their errors."""
 
-    Parameters
-    ----------
-    terms : ndarray of int, shape (term,)
-        Which columns of the matrix have a coefficient, ascending.
-    coefficients : ndarray, shape (term,)
-        Theirs.
-    leave_one_out : float
-        Mean square of each run's error when it is left out, as a share of the variance.
-    corrected : float
-        The same, corrected upwards, as few runs make many terms look too good. It compares fits to
-        the same runs. Infinite where it cannot be computed.
-    """
-
-    terms: IntArray
-    coefficients: FloatArray
+    terms: IntArray  # (term,): which columns of the matrix have a coefficient, ascending
+    coefficients: FloatArray  # (term,): theirs
+    # Mean square of each run's error when it is left out, as a share of the variance.
     leave_one_out: float
+    # The same, corrected upwards, as few runs make many terms look too good. It compares fits to
+    # the same runs. Infinite where it cannot be computed.
     corrected: float
 
 

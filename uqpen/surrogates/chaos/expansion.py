@@ -29,17 +29,6 @@ from uqpen.surrogates.training import TrainedSurrogate
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = [
-    "Expansion",
-    "FitNoise",
-    "PolynomialChaosModel",
-    "PredictionCheck",
-    "estimate_fit_noise",
-    "input_shares",
-    "mean",
-    "standard_deviation",
-]
-
 # Moments and sensitivity of an orthonormal expansion: sums of its squared coefficients.
 #
 # They are those of the expansion under independent inputs; how near they are to the model's is a
@@ -104,22 +93,13 @@ _OPERATIONS = 1e9
 
 @dataclass(frozen=True, eq=False)
 class FitNoise:
-    """Standard deviations of an expansion's estimates over refits.
+    """Standard deviations of an expansion's estimates over refits."""
 
-    Parameters
-    ----------
-    refits : int
-        Number of refits; 0 where there is nothing to resample, and then the rest is NaN.
-    mean, std : float
-        Of the mean and of the standard deviation of the variable that was fitted.
-    first : ndarray, shape (input,)
-        Of the first-order indices.
-    """
-
-    refits: int
+    refits: int  # number of refits; 0 where there is nothing to resample, and then the rest is NaN
+    # With std: of the mean and of the standard deviation of the variable that was fitted.
     mean: float
     std: float
-    first: FloatArray
+    first: FloatArray  # (input,): of the first-order indices
 
     @classmethod
     def without_refits(cls, inputs: int) -> FitNoise:
@@ -176,70 +156,37 @@ _LOGARITHM, _NO_TRANSFORM = "logarithm", "none"
 
 @dataclass(frozen=True)
 class PredictionCheck:
-    """Prediction error of an expansion at runs that it was not fitted to.
+    """Prediction error of an expansion at runs that it was not fitted to."""
 
-    Parameters
-    ----------
-    runs : int
-        Number of completed runs.
-    q2 : float
-        One minus the mean square error over the variance, of the variable that was fitted.
-    q2_of_output : float
-        The same of the output itself; NaN where the expansion is not finite at a run.
-    """
-
-    runs: int = 0
+    runs: int = 0  # number of completed runs
+    # One minus the mean square error over the variance, of the variable that was fitted.
     q2: float = math.nan
+    # The same of the output itself; NaN where the expansion is not finite at a run.
     q2_of_output: float = math.nan
 
 
 @dataclass(frozen=True, eq=False)
 class Expansion:
-    """One output as a sum of orthonormal terms.
+    """One output as a sum of orthonormal terms."""
 
-    Parameters
-    ----------
-    output : Output
-        The model output that it approximates.
-    indices : ndarray of int, shape (term, input)
-        The degrees of each term; the constant is one of them.
-    coefficients : ndarray, shape (term,)
-        In the output's SI unit, or of its logarithm.
-    is_logarithm : bool
-        Whether it is the output's natural logarithm that is expanded.
-    order : int
-        The highest order of the terms that it was chosen from.
-    truncation : float
-        The truncation of these terms; see `uqpen.surrogates.chaos.basis.multi_indices`.
-    method : str
-        How the coefficients were found, in words.
-    leave_one_out : float
-        Mean square of each training run's error when it is left out and the terms stay, as a share
-        of the variance; NaN where there is none.
-    cross_validation : float
-        The same at runs that took no part in choosing the terms either. Infinite where it
-        cannot be estimated, as where one run alone decides a coefficient.
-    smallest, largest : float
-        The range of the output in the training runs.
-    noise : FitNoise
-        The scatter of estimates from refitting.
-    check : PredictionCheck
-        The prediction error at runs of another design.
-    """
-
-    output: Output
-    indices: IntArray
-    coefficients: FloatArray
-    is_logarithm: bool
-    order: int
+    output: Output  # the model output that it approximates
+    indices: IntArray  # (term, input): the degrees of each term; the constant is one of them
+    coefficients: FloatArray  # (term,): in the output's SI unit, or of its logarithm
+    is_logarithm: bool  # whether it is the output's natural logarithm that is expanded
+    order: int  # the highest order of the terms that it was chosen from
+    # The truncation of these terms; see `uqpen.surrogates.chaos.basis.multi_indices`.
     truncation: float
-    method: str
+    method: str  # how the coefficients were found, in words
+    # Mean square of each training run's error when it is left out and the terms stay, as a share of
+    # the variance; NaN where there is none.
     leave_one_out: float
+    # The same at runs that took no part in choosing the terms either. Infinite where it cannot be
+    # estimated, as where one run alone decides a coefficient.
     cross_validation: float
-    smallest: float
+    smallest: float  # with largest: the range of the output in the training runs
     largest: float
-    noise: FitNoise
-    check: PredictionCheck = PredictionCheck()
+    noise: FitNoise  # the scatter of estimates from refitting
+    check: PredictionCheck = PredictionCheck()  # the prediction error at runs of another design
 
     @property
     def q2(self) -> float:
@@ -350,18 +297,10 @@ _RECURRENCE = "_recurrence"
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PolynomialChaosModel(TrainedSurrogate, ClosedForms):
-    """A model's outputs, expanded in polynomials of its random inputs.
+    """A model's outputs, expanded in polynomials of its random inputs."""
 
-    Parameters
-    ----------
-    basis : ProductBasis
-        The polynomials.
-    expansions : mapping of str to Expansion
-        One for each output.
-    """
-
-    basis: ProductBasis
-    expansions: Mapping[str, Expansion]
+    basis: ProductBasis  # the polynomials
+    expansions: Mapping[str, Expansion]  # one for each output
 
     @property
     def logarithms(self) -> frozenset[str]:

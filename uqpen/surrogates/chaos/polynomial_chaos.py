@@ -39,8 +39,6 @@ from uqpen.surrogates.training import TrainingRuns, logarithm_problem
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["CandidateTerms", "PolynomialChaos"]
-
 # Polynomials of higher orders than this are noise between any two runs.
 _HIGHEST_ORDER_GIVEN = 50
 

@@ -20,22 +20,6 @@ from uqpen.surrogates.chaos.coefficients import (
     sparse_regression,
 )
 
-__all__ = [
-    "HIGHEST_ORDER",
-    "TRUNCATIONS",
-    "FitPoints",
-    "Selection",
-    "Terms",
-    "chosen_terms",
-    "dependent_terms_problem",
-    "forward_selection",
-    "projection_terms",
-    "regression_terms",
-    "run_count_problem",
-    "size_problem",
-    "unseen_error",
-]
-
 # The highest order that is tried where none is given.
 HIGHEST_ORDER = 20
 # Orders are tried until this number of them in a row have been worse than the best one.
@@ -55,49 +39,26 @@ _METHODS: dict[str, Callable[[FloatArray, FloatArray], RegressionFit | None]] = 
 
 @dataclass(frozen=True, eq=False)
 class Terms:
-    """Terms with coefficients.
+    """Terms with coefficients."""
 
-    Parameters
-    ----------
-    indices : ndarray of int, shape (term, input)
-        Their degrees.
-    coefficients : ndarray, shape (term,)
-        Theirs.
-    order : int
-        The highest order of all the terms that they were chosen from.
-    truncation : float
-        The truncation of these; see `uqpen.surrogates.chaos.basis.multi_indices`.
-    leave_one_out, cross_validation : float
-        Mean square error as a share of the variance: see `RegressionFit`, and at runs that took no
-        part in the choice of the terms either. The second is at least the first. Both are the same
-        where all terms are kept, and NaN for a projection.
-    """
-
-    indices: IntArray
-    coefficients: FloatArray
-    order: int
-    truncation: float
+    indices: IntArray  # (term, input): their degrees
+    coefficients: FloatArray  # (term,): theirs
+    order: int  # the highest order of all the terms that they were chosen from
+    truncation: float  # the truncation of these; see `uqpen.surrogates.chaos.basis.multi_indices`
+    # With cross_validation: mean square error as a share of the variance: see `RegressionFit`, and
+    # at runs that took no part in the choice of the terms either. The second is at least the first.
+    # Both are the same where all terms are kept, and NaN for a projection.
     leave_one_out: float
     cross_validation: float
 
 
 @dataclass(frozen=True, eq=False)
 class FitPoints:
-    """The points of a fit and the terms that may be fitted there.
+    """The points of a fit and the terms that may be fitted there."""
 
-    Parameters
-    ----------
-    basis : ProductBasis
-        Basis of the random inputs.
-    inputs : mapping of str to ndarray, shape (run,)
-        Their values.
-    truncation : float
-        See `uqpen.surrogates.chaos.basis.multi_indices`.
-    """
-
-    basis: ProductBasis
-    inputs: Arrays
-    truncation: float
+    basis: ProductBasis  # basis of the random inputs
+    inputs: Arrays  # (run,): their values
+    truncation: float  # see `uqpen.surrogates.chaos.basis.multi_indices`
 
     @property
     def run_count(self) -> int:
@@ -284,18 +245,11 @@ _NOTHING_LEFT = 1e-28
 
 @dataclass(frozen=True, eq=False)
 class Selection:
-    """Terms in the order in which all runs choose them, with errors at runs left out.
+    """Terms in the order in which all runs choose them, with errors at runs left out."""
 
-    Parameters
-    ----------
-    columns : ndarray of int, shape (term,)
-        Their columns of the matrix.
-    errors : ndarray, shape (term,)
-        Mean square error at runs left out, as a share of the variance, of as many terms: of those
-        that the other runs choose.
-    """
-
-    columns: IntArray
+    columns: IntArray  # (term,): their columns of the matrix
+    # (term,): mean square error at runs left out, as a share of the variance, of as many terms: of
+    # those that the other runs choose.
     errors: FloatArray
 
     @property
@@ -430,24 +384,12 @@ _MOST_CHOSEN_ENTRIES = 6_000_000
 
 @dataclass(frozen=True, eq=False)
 class _Choice:
-    """Terms chosen from those of one truncation and order.
+    """Terms chosen from those of one truncation and order."""
 
-    Parameters
-    ----------
-    points : FitPoints
-        With the truncation.
-    order : int
-        The order.
-    indices : ndarray of int, shape (term, input)
-        Degrees of all the terms that they were chosen from.
-    selection : Selection
-        The choice.
-    """
-
-    points: FitPoints
-    order: int
-    indices: IntArray
-    selection: Selection
+    points: FitPoints  # with the truncation
+    order: int  # the order
+    indices: IntArray  # (term, input): degrees of all the terms that they were chosen from
+    selection: Selection  # the choice
 
     @property
     def error(self) -> float:

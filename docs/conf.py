@@ -1,0 +1,36 @@
+"""Settings of the documentation site.
+
+`python -m sphinx -W -b html docs site` builds it. Nothing in it is loaded from another host.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import uqpen
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+import reference_pages
+
+project = "uqpen"
+version = release = uqpen.__version__
+extensions = ["myst_nb", "sphinx.ext.autodoc", "numpydoc", "sphinx_copybutton"]
+source_suffix = {".md": "myst-nb", ".rst": "restructuredtext"}
+# Blocks of code are run by the tests (tests/test_documentation.py), not by the build.
+nb_execution_mode = "off"
+# Links to a heading have the form that GitHub gives them.
+myst_heading_anchors = 4
+
+autodoc_typehints = "none"  # the docstrings have them
+autodoc_member_order = "bysource"
+numpydoc_show_class_members = False
+
+html_theme = "pydata_sphinx_theme"
+html_title = "uqpen"
+html_theme_options = {"secondary_sidebar_items": ["page-toc"], "show_toc_level": 2}
+html_copy_source = False
+html_show_sourcelink = False
+
+reference_pages.write(Path(__file__).parent / "reference")
