@@ -47,6 +47,16 @@ def _object(name: str, before: str, after: str, met: str = OBJECT) -> Change:
     return Change(name, {"program.py": before}, {"program.py": after}, met)
 
 
+def _number(name: str, program: str, met: str = OBJECT) -> Change:
+    """Return a change of each 2 in a program to 3."""
+    return _object(name, program, program.replace("2", "3"), met)
+
+
+def _helper(name: str, source: str, met: str, **more: str) -> Change:
+    """Return a change of a helper that lies outside the study's folder."""
+    return _other(name, source, "../lib/helper.py", TWO, THREE, met, **more)
+
+
 def _value(name: str, before: str, after: str, met: str = OBJECT) -> Change:
     """Return a change of a value that a function of a program takes from outside."""
     head, _, before = before.rpartition("; ")
@@ -82,6 +92,7 @@ inputs = { x = "1" }
 outputs = { y = "1" }
 read = { y = { text = "stdout", pattern = 'y = (\\S+)' } }
 """
+OWN_FILE = 'python = "m.py:f"\n'
 UNITS = 'inputs = { x = "1" }\noutputs = { y = "1" }\n'
 F = "def f(x):\n    return {'y': 2 * x}\n"
 G = "def f(x):\n    return {'y': 3 * x}\n"
@@ -103,20 +114,16 @@ def f(x):
 """
 READING = "import numpy as np\ndef f(x):\n    return {'y': float(CALL) * x}\n"
 RUN = "import subprocess, sys, pathlib\nhere = pathlib.Path(__file__).parent\n"
+HELPER_FILE = "file ../lib/helper.py has changed"
 MOD = "module helper has changed"
 
 CHANGES = [
     # A module that lies outside the study's folder.
-    _other("on a path that the model adds", PATH + HELPED, "../lib/helper.py", TWO, THREE, MOD),
-    _other(
-        "on PYTHONPATH", HELPED, "../lib/helper.py", TWO, THREE, MOD, **{"$PYTHONPATH": "../lib"}
-    ),
-    _other(
+    _helper("on a path that the model adds", PATH + HELPED, MOD),
+    _helper("on PYTHONPATH", HELPED, MOD, **{"$PYTHONPATH": "../lib"}),
+    _helper(
         "in a package that is installed as editable",
         "import site\nsite.addsitedir('../site')\n" + HELPED,
-        "../lib/helper.py",
-        TWO,
-        THREE,
         MOD,
         **{
             "../site/editable.pth": "../lib\n",
@@ -124,34 +131,25 @@ CHANGES = [
             "../site/helper-1.dist-info/RECORD": "editable.pth,,\n",
         },
     ),
-    _other(
+    _helper(
         "loaded by its path",
         "import importlib.util as u, pathlib\n"
         "s = u.spec_from_file_location('h', pathlib.Path(__file__).parents[1] / 'lib/helper.py')\n"
         "helper = u.module_from_spec(s); s.loader.exec_module(helper)\n"
         "def f(x):\n    return {'y': helper.k * x}\n",
-        "../lib/helper.py",
-        TWO,
-        THREE,
-        "file ../lib/helper.py has changed",
+        HELPER_FILE,
     ),
-    _other(
+    _helper(
         "by runpy",
         "import runpy\nk = runpy.run_path('../lib/helper.py')['k']\n"
         "def f(x):\n    return {'y': k * x}\n",
-        "../lib/helper.py",
-        TWO,
-        THREE,
-        "file ../lib/helper.py has changed",
+        HELPER_FILE,
     ),
-    _other(
+    _helper(
         "executed as a text",
         "import pathlib\nexec(pathlib.Path('../lib/helper.py').read_text())\n"
         "def f(x):\n    return {'y': k * x}\n",
-        "../lib/helper.py",
-        TWO,
-        THREE,
-        "file ../lib/helper.py has changed",
+        HELPER_FILE,
     ),
     # Other code.
     _other(
@@ -252,15 +250,10 @@ CHANGES = [
         )
     ),
     # Attributes of functions.
-    _object(
-        "an attribute of the function",
-        "def f(x):\n    return {'y': f.k * x}\nf.k = 2\n",
-        "def f(x):\n    return {'y': f.k * x}\nf.k = 3\n",
-    ),
-    _object(
+    _number("an attribute of the function", "def f(x):\n    return {'y': f.k * x}\nf.k = 2\n"),
+    _number(
         "an attribute of a function that it calls",
         "def g(): return g.k\ng.k = 2\ndef f(x):\n    return {'y': g() * x}\n",
-        "def g(): return g.k\ng.k = 3\ndef f(x):\n    return {'y': g() * x}\n",
     ),
     _object(
         "an implementation of a single-dispatch function",
@@ -326,11 +319,7 @@ CHANGES = [
         "import numpy as np; np.frompyfunc(lambda x: 11, 1, 1)",
     ),
     # Code that looks alike.
-    _object(
-        "a lambda in a lambda",
-        "f = lambda x: (lambda z: {'y': 2 * z})(x)\n",
-        "f = lambda x: (lambda z: {'y': 3 * z})(x)\n",
-    ),
+    _number("a lambda in a lambda", "f = lambda x: (lambda z: {'y': 2 * z})(x)\n"),
     _object(
         "two lambdas on a line",
         "g, f = [lambda x: {'y': 2 * x}, lambda x: {'y': 3 * x}]\n",
@@ -342,18 +331,8 @@ CHANGES = [
         F + "def g(x):\n    return {'y': 3 * x}\nf.__code__ = g.__code__\n",
     ),
     # Names that no code states, and libraries that were changed.
-    _object(
-        "globals()",
-        "k = 2\ndef f(x):\n    return {'y': globals()['k'] * x}\n",
-        "k = 3\ndef f(x):\n    return {'y': globals()['k'] * x}\n",
-        SAME_OBJECT,
-    ),
-    _object(
-        "eval",
-        "k = 2\ndef f(x):\n    return {'y': eval('k * x')}\n",
-        "k = 3\ndef f(x):\n    return {'y': eval('k * x')}\n",
-        SAME_OBJECT,
-    ),
+    _number("globals()", "k = 2\ndef f(x):\n    return {'y': globals()['k'] * x}\n", SAME_OBJECT),
+    _number("eval", "k = 2\ndef f(x):\n    return {'y': eval('k * x')}\n", SAME_OBJECT),
     *(
         _object(
             f"{library} is changed by the program",
@@ -429,6 +408,7 @@ CHANGES = [
     ),
 ]
 
+PACKAGED = "from p.q import k\n" + F.replace("2", "k")
 SIN = "import numpy as np\ndef f(x):\n    return {'y': np.sin(x)}\n"
 CLASS = """\
 from uqpen.core.model import Input, Model, Output, Results
@@ -454,38 +434,20 @@ CHANGES += [
         "def d(g): return lambda x: {'y': x}\n@d\n" + F,
     ),
     _file("an own class", CLASS, CLASS.replace("2 *", "3 *")),
-    Change(
-        "a module beside it",
-        {"m.py": HELPED, "helper.py": TWO},
-        {"helper.py": THREE},
-        "file helper.py has changed",
-    ),
-    Change(
-        "a module of a module",
-        {"m.py": HELPED, "helper.py": "from other import k\n", "other.py": TWO},
-        {"other.py": THREE},
-        "file other.py has changed",
-    ),
-    Change(
-        "a package beside it",
-        {"m.py": "from p.q import k\n" + F.replace("2", "k"), "p/__init__.py": "", "p/q.py": TWO},
-        {"p/q.py": THREE},
-        "file p/q.py has changed",
-    ),
-    Change(
-        "a namespace package beside it",
-        {"m.py": "from p.q import k\n" + F.replace("2", "k"), "p/q.py": TWO},
-        {"p/q.py": THREE},
-        "file p/q.py has changed",
-    ),
-    Change(
-        "a module that only a run imports",
-        {
-            "m.py": "def f(x):\n    import helper\n    return {'y': helper.k * x}\n",
-            "helper.py": TWO,
-        },
-        {"helper.py": THREE},
-        "file helper.py has changed",
+    *(
+        Change(name, {"m.py": source, file: TWO, **more}, {file: THREE}, f"file {file} has changed")
+        for name, source, file, more in (
+            ("a module beside it", HELPED, "helper.py", {}),
+            ("a module of a module", HELPED, "other.py", {"helper.py": "from other import k\n"}),
+            ("a package beside it", PACKAGED, "p/q.py", {"p/__init__.py": ""}),
+            ("a namespace package beside it", PACKAGED, "p/q.py", {}),
+            (
+                "a module that only a run imports",
+                "def f(x):\n    import helper\n    return {'y': helper.k * x}\n",
+                "helper.py",
+                {},
+            ),
+        )
     ),
     Change(
         "a module that is not there any more",
@@ -506,28 +468,18 @@ CHANGES += [
     # The table of the study.
     _study(
         "another function",
-        f'python = "m.py:f"\n{UNITS}',
-        f'python = "m.py:g"\n{UNITS}',
+        OWN_FILE + UNITS,
+        OWN_FILE.replace("f", "g") + UNITS,
         "model.python",
         **{"m.py": F + "g = lambda x: {'y': 3 * x}\n"},
     ),
-    _study(
-        "the unit of an input",
-        f'python = "m.py:f"\n{UNITS}',
-        'python = "m.py:f"\ninputs = { x = "percent" }\noutputs = { y = "1" }\n',
-        "model.inputs.x",
-    ),
-    _study(
-        "the unit of an output",
-        f'python = "m.py:f"\n{UNITS}',
-        'python = "m.py:f"\ninputs = { x = "1" }\noutputs = { y = "percent" }\n',
-        "model.outputs.y",
-    ),
-    _study(
-        "whole batches",
-        f'python = "m.py:f"\n{UNITS}',
-        f'python = "m.py:f"\nvectorized = true\n{UNITS}',
-        "model.vectorized",
+    *(
+        _study(name, OWN_FILE + UNITS, OWN_FILE + after, met)
+        for name, after, met in (
+            ("the unit of an input", UNITS.replace('x = "1"', 'x = "percent"'), "model.inputs.x"),
+            ("the unit of an output", UNITS.replace('y = "1"', 'y = "percent"'), "model.outputs.y"),
+            ("whole batches", f"vectorized = true\n{UNITS}", "model.vectorized"),
+        )
     ),
     _study("another built-in model", 'use = "ishigami"', 'use = "ishigami"\na = 5.0', "a was"),
     # Commands.
@@ -606,32 +558,21 @@ CHANGES += [
     _object(
         "its keyword default", F.replace("(x)", "(x, *, k=2)"), F.replace("(x)", "(x, *, k=3)")
     ),
-    _object(
+    _number(
         "a variable of the function around it",
         "def o(k):\n    def f(x): return {'y': k * x}\n    return f\nf = o(2)\n",
-        "def o(k):\n    def f(x): return {'y': k * x}\n    return f\nf = o(3)\n",
     ),
-    _object(
-        "a function that it calls",
-        "def g(x): return 2 * x\ndef f(x): return {'y': g(x)}\n",
-        "def g(x): return 3 * x\ndef f(x): return {'y': g(x)}\n",
-    ),
-    _object(
-        "a comprehension",
-        "def f(x): return {'y': sum(2 * x for _ in range(3))}\n",
-        "def f(x): return {'y': sum(3 * x for _ in range(3))}\n",
-    ),
+    _number("a function that it calls", "def g(x): return 2 * x\ndef f(x): return {'y': g(x)}\n"),
+    _number("a comprehension", "def f(x): return {'y': sum(2 * x for _ in range(3))}\n"),
     _object("its handling of an error", HANDLING, HANDLING.replace("ZeroDivision", "Arithmetic")),
-    _object(
+    _number(
         "an object of an own class",
         "class S:\n    def __call__(self, x): return {'y': 2 * x}\nf = S()\n",
-        "class S:\n    def __call__(self, x): return {'y': 3 * x}\nf = S()\n",
         SAME_OBJECT,
     ),
-    _object(
+    _number(
         "a method of an own object",
         "class S:\n    def f(self, x): return {'y': 2 * x}\nf = S().f\n",
-        "class S:\n    def f(self, x): return {'y': 3 * x}\nf = S().f\n",
         SAME_OBJECT,
     ),
 ]

@@ -25,28 +25,20 @@ def picky(x, shift):
     return {"y": np.where(x > 0.9, np.nan, x**2 + 2 * x + shift)}
 """
 
+
+def model(function, inputs, outputs, replaced=None):
+    """Return the table of a model, which may have its own values for some inputs."""
+    own = {"with": replaced} if replaced else {}
+    table = {"python": f"models.py:{function}", "vectorized": True, **own}
+    return {**table, "inputs": inputs, "outputs": outputs}
+
+
 STUDY = study_text(
     seed=3,
     models={
-        "first": {
-            "python": "models.py:square",
-            "vectorized": True,
-            "inputs": {"x": "1", "shift": "1"},
-            "outputs": {"y": "m", "z": "1"},
-        },
-        "shifted": {
-            "python": "models.py:square",
-            "vectorized": True,
-            "with": {"shift": 1.5},
-            "inputs": {"x": "1", "shift": "1"},
-            "outputs": {"y": "m", "z": "1"},
-        },
-        "picky": {
-            "python": "models.py:picky",
-            "vectorized": True,
-            "inputs": {"x": "1", "shift": "1"},
-            "outputs": {"y": "m"},
-        },
+        "first": model("square", {"x": "1", "shift": "1"}, {"y": "m", "z": "1"}),
+        "shifted": model("square", {"x": "1", "shift": "1"}, {"y": "m", "z": "1"}, {"shift": 1.5}),
+        "picky": model("picky", {"x": "1", "shift": "1"}, {"y": "m"}),
     },
     inputs={"x": (0, 1), "shift": 0},
     outputs={"y": {"exceeds": ["0.5 m"]}},
@@ -153,18 +145,8 @@ def test_mistakes_are_met_at_their_place(tmp_path, old, new, key, found):
 LACKING = study_text(
     seed=3,
     models={
-        "both": {
-            "python": "models.py:both",
-            "vectorized": True,
-            "inputs": {"a": "1", "b": "1"},
-            "outputs": {"y": "1"},
-        },
-        "one": {
-            "python": "models.py:one",
-            "vectorized": True,
-            "inputs": {"a": "1"},
-            "outputs": {"y": "1"},
-        },
+        "both": model("both", {"a": "1", "b": "1"}, {"y": "1"}),
+        "one": model("one", {"a": "1"}, {"y": "1"}),
     },
     inputs={"a": (0, 1), "b": (0, 1)},
     designs={
@@ -211,24 +193,9 @@ def test_a_surrogate_of_a_model_that_lacks_a_fixed_input_of_another(tmp_path):
 OWN_INPUTS = study_text(
     seed=3,
     models={
-        "first": {
-            "python": "models.py:first",
-            "vectorized": True,
-            "inputs": {"x": "m"},
-            "outputs": {"y": "m"},
-        },
-        "second": {
-            "python": "models.py:second",
-            "vectorized": True,
-            "inputs": {"slope": "1", "x": "m"},
-            "outputs": {"y": "m"},
-        },
-        "third": {
-            "python": "models.py:third",
-            "vectorized": True,
-            "inputs": {"offset": "mm"},
-            "outputs": {"y": "m"},
-        },
+        "first": model("first", {"x": "m"}, {"y": "m"}),
+        "second": model("second", {"slope": "1", "x": "m"}, {"y": "m"}),
+        "third": model("third", {"offset": "mm"}, {"y": "m"}),
     },
     inputs={"x": "(1 ± 0.1) m", "slope": "2 ± 0.1", "offset": "(3 ± 1) mm"},
     designs={

@@ -11,6 +11,7 @@ from typing import Any
 
 import netCDF4
 import numpy as np
+from study_texts import RODS
 
 import uqpen
 from uqpen.archive.provenance import SCHEMA
@@ -103,21 +104,12 @@ design = "training"
 """,
     "own": _OWN,
     "lost": f"{_OWN}[failures]\nstop_after = 0\n",
-    "rods": """\
+    "rods": f"""\
 seed = 3
 [model]
 use = "walker-anderson"
 [inputs]
-projectile_density = "17.5 g/cm^3"
-projectile_yield_limit = "1.65 GPa"
-projectile_length = "16 cm"
-impact_velocity = "1400 m/s"
-projectile_sound_speed = "3071 m/s"
-target_density = "(2.5 ± 0.05) g/cm^3"
-target_yield_limit = "(400 ± 40) MPa"
-plasticity_radius = "(60 ± 25) mm"
-crater_radius = "(17 ± 3) mm"
-[designs.mc]
+{RODS}[designs.mc]
 kind = "monte-carlo"
 runs = 20
 """,
@@ -165,17 +157,10 @@ def with_bytes_damaged(data: bytes, random: Random) -> bytes:
 
 _TEXTS = (
     *("", " ", "x", "nan", "0", "-1", "1", "monte_carlo", "y", "x1", "median", "stratified", "m^^"),
+    *("independent", "rule", "steps", "trajectories", "head-to-head", "1e999"),
     *(
-        "independent",
-        "rule",
-        "steps",
-        "trajectories",
-        "head-to-head",
-        "1e999",
         "9" * 500,
         "furlong",
-    ),
-    *(
         "a" * 5000,
         "\x1b[31mred",
         "é𝒳\u202e",
@@ -186,38 +171,13 @@ _TEXTS = (
     ),
 )
 _NUMBERS = (
-    0,
-    1,
-    -1,
-    2,
-    99,
-    2**31 - 1,
-    -(2**31),
-    2**62,
-    0.5,
-    math.nan,
-    math.inf,
-    -1e308,
-    1.7e308,
-    5e-324,
+    *(0, 1, -1, 2, 99, 2**31 - 1, -(2**31), 2**62, 0.5, math.nan, math.inf),
+    *(-1e308, 1.7e308, 5e-324),
 )
 _NAMES = (
-    *(
-        "x",
-        "y",
-        "mean",
-        "mean_interval",
-        "run",
-        "status",
-        "bound",
-        "input",
-        "quantile",
-        "a b",
-        "é",
-        "models",
-        "runs",
-    ),
-    *("statistics", "a" * 200, "monte_carlo", "lost_run", "lost_reason", "interval_label", "note"),
+    *("x", "y", "mean", "mean_interval", "run", "status", "bound", "input", "quantile", "a b", "é"),
+    *("models", "runs", "statistics", "a" * 200, "monte_carlo", "lost_run", "lost_reason"),
+    *("interval_label", "note"),
 )
 
 

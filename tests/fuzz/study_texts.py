@@ -12,7 +12,7 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
-__all__ = ["STUDIES", "damaged_bytes", "mutant", "prepare", "toml"]
+__all__ = ["RODS", "STUDIES", "damaged_bytes", "mutant", "prepare", "toml"]
 
 Table = dict[str, Any]
 Path_ = tuple[str | int, ...]
@@ -47,6 +47,17 @@ y = "m"
 z = "1"
 """
 
+RODS = """\
+projectile_density = "17.5 g/cm^3"
+projectile_yield_limit = "1.65 GPa"
+projectile_length = "16 cm"
+impact_velocity = "1400 m/s"
+projectile_sound_speed = "3071 m/s"
+target_density = "(2.5 ± 0.05) g/cm^3"
+target_yield_limit = "(400 ± 40) MPa"
+plasticity_radius = "(60 ± 25) mm"
+crater_radius = "(17 ± 3) mm"
+"""
 STUDIES = {
     "laws": f"""{_MODEL}
 [inputs]
@@ -231,23 +242,14 @@ x3 = 1
 kind = "monte-carlo"
 runs = 20
 """,
-    "rods": """\
+    "rods": f"""\
 title = "Rods"
 seed = 3
 [model]
 use = "walker-anderson"
 tolerance = 1e-5
 [inputs]
-projectile_density = "17.5 g/cm^3"
-projectile_yield_limit = "1.65 GPa"
-projectile_length = "16 cm"
-impact_velocity = "1400 m/s"
-projectile_sound_speed = "3071 m/s"
-target_density = "(2.5 ± 0.05) g/cm^3"
-target_yield_limit = "(400 ± 40) MPa"
-plasticity_radius = "(60 ± 25) mm"
-crater_radius = "(17 ± 3) mm"
-[outputs.penetration_depth]
+{RODS}[outputs.penetration_depth]
 exceeds = ["60 cm"]
 [designs.mc]
 kind = "monte-carlo"
@@ -489,28 +491,11 @@ def _flipped(data: bytearray, random: Random) -> bytearray:
 
 
 _PIECES = (
-    *(
-        b"\x00",
-        b"\x1b",
-        b"\x7f",
-        b"\xff",
-        b"\xc3",
-        b"\xed\xa0\x80",
-        b"\xef\xbb\xbf",
-        b"\r",
-        b"\r\n",
-    ),
-    *(b"\n", b'"', b"'", b'"""', b"[", b"]]", b"{", b"=", b".", b"#", b"\\u0000", b"\\ud800"),
-    *(b"\xe2\x80\xa8", b"\x85", b"\x0c", b"\x0b", b"\t", b"1e", b"0x", b"_", b"inf", b"nan"),
-    *(
-        b"[" * 3000,
-        b"a." * 3000,
-        b"{a=" * 2000,
-        b"9" * 5000,
-        b"= 0x" + b"f" * 5000 + b"\n",
-        b"x" * 100_000,
-        b"\n[[models]]\n",
-    ),
+    *(b"\x00", b"\x1b", b"\x7f", b"\xff", b"\xc3", b"\xed\xa0\x80", b"\xef\xbb\xbf", b"\r"),
+    *(b"\r\n", b"\n", b'"', b"'", b'"""', b"[", b"]]", b"{", b"=", b".", b"#", b"\\u0000"),
+    *(b"\\ud800", b"\xe2\x80\xa8", b"\x85", b"\x0c", b"\x0b", b"\t", b"1e", b"0x", b"_"),
+    *(b"inf", b"nan", b"[" * 3000, b"a." * 3000, b"{a=" * 2000, b"9" * 5000),
+    *(b"= 0x" + b"f" * 5000 + b"\n", b"x" * 100_000, b"\n[[models]]\n"),
     *(b"\n[model]\n", b"\nseed = 1\n", b"= 1\n", b"a = [" + b"[1]," * 500 + b"]\n"),
 )
 

@@ -30,25 +30,16 @@ def simulate(x, z):
     ending = np.where(days < 20 + 12 * x, curve, np.nan)
     return {"curve": curve, "ending": ending, "third": curve, "x_again": x}
 """
+DAYS = {"time": {"unit": "day", "from": 0, "to": 40, "size": 41}}
 STUDY = study_text(
     {
         "python": "model.py:simulate",
         "inputs": {"x": "m", "z": "m"},
         "outputs": {
-            "curve": {
-                "unit": "cm",
-                "along": {"time": {"unit": "day", "from": 0, "to": 40, "size": 41}},
-            },
-            "third": {
-                "unit": "cm",
-                "along": {"time": {"unit": "day", "from": 0, "to": 40, "size": 41}},
-            },
+            "curve": {"unit": "cm", "along": DAYS},
+            "third": {"unit": "cm", "along": DAYS},
             "x_again": "cm",
-            "ending": {
-                "unit": "cm",
-                "along": {"time": {"unit": "day", "from": 0, "to": 40, "size": 41}},
-                "may_end": True,
-            },
+            "ending": {"unit": "cm", "along": DAYS, "may_end": True},
         },
     },
     title="Curves",
