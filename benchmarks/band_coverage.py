@@ -40,8 +40,7 @@ from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.quasi_monte_carlo import SobolSequence
 from uqpen.models.rod_trajectories import WalkerAndersonTrajectory
 from uqpen.statistics.fields.field_sample import FieldSample
-from uqpen.statistics.fields.simultaneous_bands import mean_band, quantile_band
-from uqpen.statistics.fields.tolerance_band import tolerance_band
+from uqpen.statistics.fields.simultaneous_bands import mean_band, quantile_band, tolerance_band
 from uqpen.statistics.quantity_of_interest import DEFAULT_QUANTILES, QuantityOfInterest
 from uqpen.study.load import load_study
 

@@ -24,7 +24,7 @@ from uqpen.core.model import Output
 from uqpen.core.sampling import Sampling
 from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.univariate import Lognormal, Normal, Uniform
-from uqpen.statistics.distribution_function.expected_shortfall import expected_shortfalls
+from uqpen.statistics.distribution_function.quantiles import expected_shortfalls
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.event_sensitivity.sample_sensitivity import InputScores, sample_sensitivities
 from uqpen.statistics.input_columns import InputColumns

@@ -24,12 +24,13 @@ if TYPE_CHECKING:
     from uqpen.core.errors import StudyError as StudyError
     from uqpen.core.errors import UqpenError as UqpenError
     from uqpen.designs.data import DataDesign as DataDesign
-    from uqpen.designs.full_factorial import FullFactorial as FullFactorial
+    from uqpen.designs.data import TableDesign as TableDesign
     from uqpen.designs.latin_hypercube import LatinHypercube as LatinHypercube
     from uqpen.designs.monte_carlo import MonteCarlo as MonteCarlo
     from uqpen.designs.multifidelity import Multifidelity as Multifidelity
     from uqpen.designs.one_at_a_time import Morris as Morris
     from uqpen.designs.one_at_a_time import OneAtATime as OneAtATime
+    from uqpen.designs.quadrature import FullFactorial as FullFactorial
     from uqpen.designs.quadrature import Quadrature as Quadrature
     from uqpen.designs.quasi_monte_carlo import Halton as Halton
     from uqpen.designs.quasi_monte_carlo import SobolSequence as SobolSequence
@@ -40,7 +41,6 @@ if TYPE_CHECKING:
     from uqpen.designs.rare_events.subset_simulation import SubsetSimulation as SubsetSimulation
     from uqpen.designs.saltelli import Saltelli as Saltelli
     from uqpen.designs.stopping.precision import Precision as Precision
-    from uqpen.designs.table import TableDesign as TableDesign
     from uqpen.distributions.copulas import *  # noqa: F403
     from uqpen.distributions.copulas import GaussianCopula as GaussianCopula
     from uqpen.distributions.copulas import StudentCopula as StudentCopula

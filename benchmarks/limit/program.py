@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from uqpen.models import tsitouras
+from uqpen.models import rod_kernel
 
 FloatArray = npt.NDArray[np.float64]
 Erode = Callable[[FloatArray, float], FloatArray]
@@ -34,7 +34,7 @@ def compile_limit(compiler: str, folder: Path) -> Erode:
     """
     names = _WEIGHTS | {name: name for name in ("SOLUTION", "ERROR")}
     lines = [
-        f"static constexpr double {name}[] = {{{', '.join(map(repr, getattr(tsitouras, each)))}}};"
+        f"static constexpr double {name}[] = {{{', '.join(map(repr, getattr(rod_kernel, each)))}}};"
         for name, each in names.items()
     ]
     (folder / "weights.h").write_text("\n".join([*lines, ""]))

@@ -16,14 +16,13 @@ from uqpen.core.lookup import resolve
 from uqpen.core.model import Input
 from uqpen.core.streams import BLOCK, Stream
 from uqpen.designs import DESIGNS, quadrature
+from uqpen.designs.data import TableDesign
 from uqpen.designs.drawn_points import points_in_memory
-from uqpen.designs.full_factorial import FullFactorial
 from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.one_at_a_time import Morris, OneAtATime
-from uqpen.designs.quadrature import Quadrature
+from uqpen.designs.quadrature import FullFactorial, Quadrature
 from uqpen.designs.quasi_monte_carlo import Halton, SobolSequence
-from uqpen.designs.table import TableDesign
 from uqpen.distributions.joint_distribution import FixedInput, JointDistribution, RandomInput
 from uqpen.distributions.univariate import Normal, Uniform
 

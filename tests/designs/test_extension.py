@@ -13,10 +13,10 @@ from uqpen.core.labels import RUN, STATUS
 from uqpen.core.status import Status
 from uqpen.core.streams import BLOCK, Stream
 from uqpen.designs.design import Extension
-from uqpen.designs.full_factorial import FullFactorial
 from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.one_at_a_time import Morris
+from uqpen.designs.quadrature import FullFactorial
 from uqpen.designs.quasi_monte_carlo import Halton, SobolSequence
 from uqpen.designs.rounds import run_rounds
 from uqpen.designs.saltelli import Saltelli

@@ -10,9 +10,8 @@ from uqpen.archive.estimates import interval_text
 from uqpen.core.errors import SettingsError, StudyError
 from uqpen.core.model import Bounds, Input, Output
 from uqpen.core.streams import Stream
-from uqpen.designs.full_factorial import FullFactorial
 from uqpen.designs.one_at_a_time import Morris
-from uqpen.designs.quadrature import Quadrature
+from uqpen.designs.quadrature import FullFactorial, Quadrature
 from uqpen.distributions.joint_distribution import FixedInput, JointDistribution, RandomInput
 from uqpen.distributions.orthogonal_polynomials import recurrence
 from uqpen.distributions.univariate import (

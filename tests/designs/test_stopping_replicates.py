@@ -15,7 +15,7 @@ from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.quasi_monte_carlo import Halton, SobolSequence
 from uqpen.designs.stopping.precision import Precision
 from uqpen.execution.processes import processes
-from uqpen.statistics.partial_runs import sample_so_far
+from uqpen.statistics.convergence import sample_so_far
 from uqpen.testing import check_design, check_extension, example_joint_distribution
 
 RULE = Precision({"y": {"mean": 0.05}})

@@ -16,7 +16,7 @@ from nominal_rod import KNOWN_POINTS, ROD
 from scipy.integrate import solve_ivp
 
 from uqpen.core.status import Status
-from uqpen.models import tsitouras, walker_anderson
+from uqpen.models import rod_kernel, walker_anderson
 from uqpen.models.rod_and_target import Termination
 from uqpen.models.rod_course import erosion_slopes, integrate_erosion, make_rod, trajectory
 from uqpen.models.walker_anderson import DEFAULT_TOLERANCE, WalkerAnderson
@@ -210,9 +210,9 @@ def test_momentum_changes_by_the_forces_on_rod_and_target_only():
 
 
 def test_weights_of_the_runge_kutta_pair_satisfy_the_order_conditions():
-    stages = [(), *(getattr(tsitouras, f"STAGE_{stage}") for stage in range(2, 7))]
+    stages = [(), *(getattr(rod_kernel, f"STAGE_{stage}") for stage in range(2, 7))]
     a = np.zeros((7, 7))
-    for row, weights in enumerate([*stages, tsitouras.SOLUTION]):
+    for row, weights in enumerate([*stages, rod_kernel.SOLUTION]):
         a[row, : len(weights)] = weights
     c = a.sum(axis=1)
     trees = [
@@ -226,7 +226,7 @@ def test_weights_of_the_runge_kutta_pair_satisfy_the_order_conditions():
     for tree, density in trees:
         assert a[6] @ tree == pytest.approx(1 / density, abs=1e-13)
     for tree, _ in trees[:8]:
-        assert np.array(tsitouras.ERROR) @ tree == pytest.approx(0.0, abs=1e-13)
+        assert np.array(rod_kernel.ERROR) @ tree == pytest.approx(0.0, abs=1e-13)
 
 
 # Every run on its own

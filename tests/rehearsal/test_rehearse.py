@@ -28,7 +28,7 @@ from uqpen.rehearsal.rehearsed_study import (
     surrogate_truth,
     tail_shares,
 )
-from uqpen.statistics.threshold import Threshold
+from uqpen.statistics.quantity_of_interest import Threshold
 from uqpen.study.load import parse_study
 from uqpen.surrogates.fitting import fit_surrogate
 from uqpen.workflow import run_design

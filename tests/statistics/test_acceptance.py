@@ -13,7 +13,7 @@ from uqpen.results.acceptance import Acceptance, AcceptanceVerdict
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.json import archive_json
 from uqpen.results.output_tables import output_tables
-from uqpen.statistics.threshold import AcceptanceLimits
+from uqpen.statistics.quantity_of_interest import AcceptanceLimits
 from uqpen.study.summary import output_rows
 
 NAN = float("nan")

@@ -11,8 +11,12 @@ from uqpen.core.model import Dimension, Output
 from uqpen.core.sampling import Sampling
 from uqpen.statistics.fields.field_sample import FieldSample, moments_at_places, quantiles_at_places
 from uqpen.statistics.fields.ranked_curves import band_depth, ranked_curves
-from uqpen.statistics.fields.simultaneous_bands import mean_band, quantile_band, simultaneous_level
-from uqpen.statistics.fields.tolerance_band import tolerance_band
+from uqpen.statistics.fields.simultaneous_bands import (
+    mean_band,
+    quantile_band,
+    simultaneous_level,
+    tolerance_band,
+)
 from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample

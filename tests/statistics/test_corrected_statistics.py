@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from corrected_surrogates import NORMAL, STREAM, corrected_by, made
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy import stats
 
@@ -188,6 +188,7 @@ def test_a_quantiles_interval_inverts_that_of_the_probability(seed, p):
     st.booleans(),
     st.booleans(),
 )
+@example(0, 38, 1, 0.0, -1.0, 0, False, True)  # weights whose sum is not quite 1
 def test_quantiles_ascend_and_are_of_the_distribution_function(
     seed, size, folds, error, slope, missing, is_rounded, is_weighted
 ):

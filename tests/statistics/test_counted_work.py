@@ -14,7 +14,7 @@ from uqpen.core.model import Output
 from uqpen.core.sampling import Sampling
 from uqpen.statistics import run_samples
 from uqpen.statistics.analyze import analyze
-from uqpen.statistics.ordering import Ordering
+from uqpen.statistics.input_columns import Ordering
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
 from uqpen.statistics.sensitivity.local_regression import RegressionBins
 

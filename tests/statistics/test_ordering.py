@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy import stats
 
-from uqpen.statistics.input_columns import InputColumns
-from uqpen.statistics.ordering import Ordering
+from uqpen.statistics.input_columns import InputColumns, Ordering
 
 # Equal values, values that differ in their last bits alone, both zeros, and the ends of numbers.
 NEAR_ONE = [1.0, 1.0 + 2**-52, 1.0 - 2**-53, 1.0 + 2**-30]

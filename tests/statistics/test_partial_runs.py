@@ -6,7 +6,7 @@ import xarray as xr
 
 from uqpen.core.labels import REPLICATE, RUN, SAMPLING, STATUS
 from uqpen.core.sampling import Sampling
-from uqpen.statistics.partial_runs import first_runs, sample_so_far
+from uqpen.statistics.convergence import first_runs, sample_so_far
 
 
 def runs_of(numbers, sampling, replicates=None):

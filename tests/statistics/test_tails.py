@@ -19,7 +19,7 @@ from uqpen.results.long_table import long_table
 from uqpen.results.output_tables import output_tables
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.statistics.analyze import analyze
-from uqpen.statistics.distribution_function.expected_shortfall import expected_shortfalls
+from uqpen.statistics.distribution_function.quantiles import expected_shortfalls
 from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample

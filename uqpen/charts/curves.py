@@ -97,11 +97,7 @@ def _curve(view: ArchiveView, output: str, most_places: int | None = None) -> Cu
 def fan_chart(curve: CurveEstimates, readout: PlaceReadout | None = None) -> Chart:
     """Return the chart of the mean with its bands, the quantiles, and some single runs.
 
-    Parameters
-    ----------
-    curve : CurveEstimates
-    readout : PlaceReadout, optional
-        What a page says of each place.
+    A page has a readout, which says what is known of each place.
     """
     series = curve.view.series(curve.source)
     marks, keys = _single_runs(curve)

@@ -354,20 +354,7 @@ def overlaid_chart(
 ) -> Chart:
     """Return the functions of an output by the same source of several models or archives.
 
-    Parameters
-    ----------
-    view : ArchiveView
-        Of the first; its unit is shown.
-    output : str
-        Its name.
-    curves : sequence of Curve
-        At least one.
-    span : ValueAxis
-        The axis of the output.
-    limits : LimitMarks, optional
-        Of the study.
-    each : str
-        What each function is of.
+    There is at least one. The unit is that of the first one's view.
     """
     limits = limits or LimitMarks()
     values = span.thresholds(np.concatenate([curve.values for curve in curves]), limits.values)
@@ -401,17 +388,8 @@ def exceedance_chart(
 ) -> Iterator[Chart]:
     """Yield the probability of exceeding each value, if any run exceeds another.
 
-    Parameters
-    ----------
-    view : ArchiveView
-        Of the model.
-    output : str
-        Its name.
-    curve : Curve
-        Of the source.
-    is_alone : bool
-        True without the chart of the distribution function and the table of the requested
-        probabilities beside it: the chart then says itself what these say.
+    A chart that is alone says what the distribution function and the table of the requested
+    probabilities say beside others.
     """
     values, band = exceedance_tail(curve)
     if not values.size:

@@ -109,12 +109,7 @@ def response_charts(view: ArchiveView) -> Iterator[Chart]:
 def index_charts(view: ArchiveView, output: str, tables: Tables = _NO_TABLES) -> Iterator[Chart]:
     """Yield the inputs' shares in the variance of an output, of its logarithm first if shown.
 
-    Parameters
-    ----------
-    view : ArchiveView
-    output : str
-    tables : mapping of str to sequence of OutputTable
-        The numbers behind a chart, by the table of its measures.
+    `tables` has the numbers behind a chart, by the table of its measures.
     """
     shares = index_titles(view.tree)
     shown = [("its variance", "shares")]

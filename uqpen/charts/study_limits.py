@@ -69,20 +69,9 @@ def output_span(
 ) -> ValueAxis:
     """Return the axis of an output, past most of its values and past the limits of the study.
 
-    Not past those so far away that nothing could be seen of the rest.
-
-    Parameters
-    ----------
-    view : ArchiveView
-        Of the model.
-    output : str
-        Its name.
-    every : sequence of ndarray
-        Values in the unit that is shown.
-    marked : sequence of float
-        Values that are on the axis in any case.
-    has_all_limits : bool
-        False for those alone that the study has a verdict about.
+    Not past those so far away that nothing could be seen of the rest. Values are in the unit that
+    is shown; the marked ones are on the axis in any case. Without all limits, those count that the
+    study has a verdict about.
     """
     is_logarithmic = view.is_logarithmic(output)
     span = ValueAxis.of_values(every, marked, is_logarithmic=is_logarithmic)

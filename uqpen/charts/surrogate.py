@@ -56,15 +56,7 @@ def prediction_charts(view: ArchiveView, name: str, by: str = "") -> Charts | No
 
     The runs are its check runs or, without any, those that it was fitted to. Surrogates of the
     package and of installed ones are evaluated; no code of the archive is.
-
-    Parameters
-    ----------
-    view : ArchiveView
-        The part of the archive.
-    name : str
-        The surrogate.
-    by : str
-        Words that name it behind what is shown, where no heading does.
+    Where no heading names it, `by` does so behind what is shown.
     """
     made = view.tree.children[SURROGATES].children[name]
     check, fitted_to = str(made.attrs.get("check", "")), str(made.attrs["design"])

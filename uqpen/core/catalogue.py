@@ -107,7 +107,7 @@ _OF_VALUES = [
             "sample": f"{_MOMENTS}:sample_moments",
             "part": f"{_MOMENTS}:mean_estimate",
             "field": f"{_PLACES}:moments_at_places",
-            Sampling.QUADRATURE: "uqpen.statistics.moments.quadrature_moments:quadrature_moments",
+            Sampling.QUADRATURE: "uqpen.statistics.moments.sample_moments:quadrature_moments",
             "corrected": f"{_RUNS_CORRECT}.mean",
             "stand_ins": f"{_STAND_INS}.mean",
         },
@@ -229,7 +229,7 @@ _OF_VALUES = [
             is_compared=True,
         ),
         group=TAILS,
-        by={"sample": f"{_CDF}.expected_shortfall:expected_shortfalls"},
+        by={"sample": f"{_CDF}.quantiles:expected_shortfalls"},
         is_of_surrogates=True,
     ),
     Statistic(
@@ -414,7 +414,7 @@ _OF_VALUES = [
         own=_contents(BAND_CONTENT),
         shown=Shown("tolerance band, {entry}", 83, "tolerance_bands", "percent"),
         group="bands",
-        by={"field": f"{_FIELDS}.tolerance_band:tolerance_band"},
+        by={"field": f"{_FIELDS}.simultaneous_bands:tolerance_band"},
         takes_weights=True,
     ),
     Statistic(

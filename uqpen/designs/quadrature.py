@@ -10,9 +10,10 @@ import operator
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 import scipy
 
 from uqpen.core.arrays import FloatArray, IntArray
@@ -22,11 +23,39 @@ from uqpen.core.sampling import Sampling
 from uqpen.core.settings import choice, count
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design, Rounds
-from uqpen.designs.grids import tensor_grid, too_many_nodes
 from uqpen.distributions.distribution import Distribution
+from uqpen.distributions.input_group import SampleDistribution
 from uqpen.distributions.joint_distribution import JointDistribution, points_dataset
 from uqpen.distributions.orthogonal_polynomials import Recurrence, recurrence
 from uqpen.distributions.univariate import Beta, Gamma, Normal, Uniform
+
+# Grids over the inputs: every combination of some values of each.
+
+
+Number = TypeVar("Number", np.float64, np.int64)
+
+# Most nodes of a grid, which doubles or trebles with every input: a mistake goes far beyond.
+_MOST_NODES = 10_000_000
+
+
+def tensor_grid(columns: Sequence[npt.NDArray[Number]]) -> list[npt.NDArray[Number]]:
+    """Return every combination of the entries of some columns; the last column varies fastest."""
+    before, after = 1, math.prod(map(len, columns))
+    grid = []
+    for column in columns:  # not by `meshgrid`, which takes no more than 32 columns
+        after //= len(column)
+        grid.append(np.tile(np.repeat(column, after), before))
+        before *= len(column)
+    return grid
+
+
+def too_many_nodes(setting: str, value: int, nodes: int, inputs: int) -> Iterator[Problem]:
+    """Yield a problem with a setting and its value if its grid over the inputs is too large."""
+    if nodes > _MOST_NODES:
+        found = f"{value}, which over {inputs} random inputs takes {nodes:.3g} runs"
+        expected = f"a grid of at most {_MOST_NODES:_} runs: fewer nodes, or fewer random inputs"
+        yield Problem((setting,), found, expected)
+
 
 # Integration rules of one input: Gauss's, and nested ones whose nodes chaospy computes.
 #
@@ -519,3 +548,44 @@ def _multi_indices(inputs: int, order: int) -> Iterator[tuple[int, ...]]:
         for bars in itertools.combinations(range(total + inputs - 1), inputs - 1):
             ends = (-1, *bars, total + inputs - 1)
             yield tuple(after - before - 1 for before, after in itertools.pairwise(ends))
+
+
+# Full factorial design: every combination of a few levels of each input.
+
+
+@dataclass(frozen=True)
+class FullFactorial(Design):
+    """Full factorial design over the medians of equally likely strata of each input.
+
+    Every point has the same weight: as an integration rule, it is the midpoint rule over the unit
+    cube of probabilities.
+
+    Parameters
+    ----------
+    levels : int
+        Number of values of each random input.
+    """
+
+    sampling = Sampling.QUADRATURE
+
+    levels: int = count(minimum=2)
+
+    def check_inputs(self, joint: JointDistribution) -> Iterator[Problem]:
+        for group in joint.groups:
+            if isinstance(group, SampleDistribution):
+                # Levels of the probability that selects a row are rows of any kind.
+                found = f"levels of {', '.join(group.inputs)}, which are rows of a sample"
+                yield Problem((), found, "a sample, such as monte-carlo or latin-hypercube")
+        inputs = len(joint.random)
+        yield from too_many_nodes("levels", self.levels, self.levels**inputs, inputs)
+
+    def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
+        medians = (np.arange(self.levels) + 0.5) / self.levels
+        unit = np.stack(tensor_grid([medians] * len(joint.random)), axis=1).astype(np.float64)
+        weights = np.full(len(unit), 1 / len(unit))
+        points = joint.points(unit, {QUADRATURE_WEIGHT: weights})
+        points[QUADRATURE_WEIGHT].attrs = WEIGHT_ATTRIBUTES
+        yield points
+
+    def run_count(self, joint: JointDistribution) -> int:
+        return int(self.levels ** len(joint.random))

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import threading
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from uqpen.core.arrays import FloatArray
+from uqpen.core.arrays import Arrays, FloatArray
 from uqpen.core.limits import Limits
 from uqpen.core.model import Model, Results, RunWarning, empty_outputs, violated_conditions
 from uqpen.core.status import Status
 from uqpen.distributions.constraints import Constraint
-from uqpen.execution.batch import Batch, BatchResult, join_results
+from uqpen.execution.batch import Batch, BatchResult, Map, Work, join_results
 from uqpen.execution.invalid_values import invalid_runs
 from uqpen.execution.processes import run_in_child
 from uqpen.execution.worker_process import is_child_process
@@ -160,3 +160,35 @@ def _warning_text(warning: warnings.WarningMessage) -> str:
     if issubclass(warning.category, RunWarning):
         return text
     return f"{warning.category.__name__}: {text} ({Path(warning.filename).name}:{warning.lineno})"
+
+
+# Map that takes runs from their record in place of making them.
+
+
+def recorded_map(recorded: Results) -> Map:
+    """Return a map that gives batches their recorded results, by the numbers of their runs.
+
+    A point that the constraints of the work exclude is inadmissible, whatever its record says.
+    """
+    whole = BatchResult(0, recorded)
+
+    def take(work: Work, batches: Iterable[Batch]) -> Iterator[BatchResult]:
+        assert isinstance(work, EvaluatorWork)
+        for batch in batches:
+            part = whole.between(batch.start, batch.start + len(batch))
+            results = _admissible(work, batch.inputs, part.results)
+            yield BatchResult(batch.start, results)
+
+    return take
+
+
+def _admissible(work: EvaluatorWork, inputs: Arrays, results: Results) -> Results:
+    """Return results without those at inadmissible points."""
+    status, reasons = results.status.copy(), dict(results.reasons)
+    for violated, reason in work.evaluator.violations(dict(inputs)):
+        new = violated & (status != Status.INADMISSIBLE)
+        reasons |= dict.fromkeys(np.flatnonzero(new).tolist(), reason)
+        status[new] = Status.INADMISSIBLE
+    is_ok = status == Status.OK
+    outputs = {name: np.where(is_ok, each, np.nan) for name, each in results.outputs.items()}
+    return Results(outputs, status, reasons)

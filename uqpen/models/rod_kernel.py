@@ -24,7 +24,40 @@ import numpy as np
 import numpy.typing as npt
 
 from uqpen.models.compiled import align_stack, compiled, inlined, use_widest_vectors
-from uqpen.models.tsitouras import ERROR, SOLUTION, STAGE_2, STAGE_3, STAGE_4, STAGE_5, STAGE_6
+
+# The explicit Runge-Kutta pair of orders 5 and 4 by Tsitouras, as weights of the stages' slopes.
+
+
+STAGE_2 = (0.161,)
+STAGE_3 = (-0.008480655492356989, 0.335480655492357)
+STAGE_4 = (2.8971530571054935, -6.359448489975075, 4.3622954328695815)
+STAGE_5 = (5.325864828439257, -11.748883564062828, 7.4955393428898365, -0.09249506636175525)
+STAGE_6 = (
+    5.86145544294642,
+    -12.92096931784711,
+    8.159367898576159,
+    -0.071584973281401,
+    -0.028269050394068383,
+)
+SOLUTION = (
+    0.09646076681806523,
+    0.01,
+    0.4798896504144996,
+    1.379008574103742,
+    -3.290069515436081,
+    2.324710524099774,
+)
+# The solution of order 5 less that of order 4.
+ERROR = (
+    -0.00178001105222577714,
+    -0.0008164344596567469,
+    0.007880878010261995,
+    -0.1447110071732629,
+    0.5823571654525552,
+    -0.45808210592918697,
+    0.015151515151515152,
+)
+
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]

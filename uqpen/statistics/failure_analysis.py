@@ -12,8 +12,8 @@ from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.labels import INPUT
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.input_columns import Ordering
 from uqpen.statistics.intervals import student_quantile
-from uqpen.statistics.ordering import Ordering
 from uqpen.statistics.sample import ErrorModel, Sample
 from uqpen.statistics.sensitivity.input_measures import input_array, input_coordinate
 

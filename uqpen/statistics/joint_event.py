@@ -9,7 +9,7 @@ from functools import reduce
 import numpy as np
 
 from uqpen.core.arrays import BoolArray, FloatArray
-from uqpen.statistics.threshold import AcceptanceLimits
+from uqpen.statistics.quantity_of_interest import AcceptanceLimits
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,7 @@ from uqpen.statistics.intervals import (
     group_sums,
     student_quantile,
 )
-from uqpen.statistics.sample import Column, ErrorModel, Sample
-from uqpen.statistics.tally import Tally
+from uqpen.statistics.sample import Column, ErrorModel, Sample, Tally
 from uqpen.statistics.weights import weighted_mean_error
 
 # Standard error of a mean, by the error model of the sample's design.

@@ -8,9 +8,8 @@ from functools import partial
 
 from uqpen.core.errors import TableError, toml_text
 from uqpen.designs import DESIGNS
-from uqpen.designs.data import DataDesign
+from uqpen.designs.data import DataDesign, TableDesign
 from uqpen.designs.design import Design, UnloadedDesign
-from uqpen.designs.table import TableDesign
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.study.study import Variant, family_costs

@@ -24,8 +24,7 @@ from uqpen.reductions.derived import derived_outputs
 from uqpen.reductions.of_fields import At, Maximum
 from uqpen.statistics.joint_event import JointEvent, OutputLimit
 from uqpen.statistics.published import Publication, PublishedEstimates
-from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.statistics.threshold import AcceptanceLimits
+from uqpen.statistics.quantity_of_interest import AcceptanceLimits, QuantityOfInterest
 from uqpen.statistics.user_defined_analysis import UserDefinedAnalysis
 from uqpen.study.model_section import PartialModel
 from uqpen.study.study import Variant

@@ -13,8 +13,7 @@ from uqpen.designs import DESIGNS
 from uqpen.designs.design import RUNS
 from uqpen.distributions.joint_distribution import FixedInput
 from uqpen.models.data.data_model import DataModel
-from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.statistics.threshold import Acceptable
+from uqpen.statistics.quantity_of_interest import Acceptable, QuantityOfInterest
 from uqpen.study import SECTIONS
 from uqpen.study.study import ValidatedStudy
 from uqpen.surrogates.refinement import RefinedDesign

@@ -22,8 +22,8 @@ from uqpen.designs.drawn_points import Points, Round, points_of
 from uqpen.designs.rounds import run_rounds
 from uqpen.execution import EvaluationOptions, Evaluator, Map, Progress, evaluate, join_rounds
 from uqpen.execution.checkpoint import Checkpoint
+from uqpen.execution.evaluator import recorded_map
 from uqpen.execution.first_runs import FirstRuns
-from uqpen.execution.recorded_runs import recorded_map
 from uqpen.statistics.running_estimates import RunningEstimates
 from uqpen.study.study import ValidatedStudy
 

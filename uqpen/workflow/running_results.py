@@ -31,8 +31,8 @@ from uqpen.core.progress import ProgressRecord
 from uqpen.execution import join_rounds
 from uqpen.models.user_code import error_text
 from uqpen.statistics.analyze import analyze
+from uqpen.statistics.convergence import first_runs, sample_so_far
 from uqpen.statistics.distribution_function.probabilities import status_probabilities
-from uqpen.statistics.partial_runs import first_runs, sample_so_far
 from uqpen.statistics.run_samples import input_sample
 from uqpen.study.identity import root_attributes
 from uqpen.study.study import ValidatedStudy

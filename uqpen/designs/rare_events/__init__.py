@@ -46,7 +46,7 @@ RARE_EVENT_METHODS = {
         (REPLICATE, SUBSET_LEVEL, CHAIN_PARENT, LEVEL_THRESHOLD),
         "uqpen.statistics.rare_events.subset_probability:subset_probability",
         "uqpen.statistics.rare_events.subset_probability:TailFunction.of",
-        "uqpen.statistics.event_sensitivity.subset_sensitivity:SubsetScores.of",
+        "uqpen.statistics.event_sensitivity.sample_sensitivity:SubsetScores.of",
     ),
     "active-learning": RareEventMethod(
         "uqpen.surrogates.active_learning:ActiveLearning",

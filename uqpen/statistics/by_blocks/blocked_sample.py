@@ -16,8 +16,7 @@ from uqpen.core.sampling import Sampling
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.input_columns import InputColumns
-from uqpen.statistics.sample import Column, ErrorModel, Sample, SampleShape
-from uqpen.statistics.tally import Tally
+from uqpen.statistics.sample import Column, ErrorModel, Sample, SampleShape, Tally
 
 # Distribution of a column by group of its runs.
 

@@ -18,11 +18,10 @@ from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around
 from uqpen.statistics.estimate import LEVEL, Estimate
 from uqpen.statistics.intervals import clopper_pearson, student_interval
-from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.statistics.quantity_of_interest import Acceptable, QuantityOfInterest, Threshold
 from uqpen.statistics.run_samples import sample_of_statuses
 from uqpen.statistics.sample import Column, ErrorModel, Sample
 from uqpen.statistics.standard_errors import probability_error
-from uqpen.statistics.threshold import Acceptable, Threshold
 from uqpen.statistics.weights import runs_on_a_side, weighted_probability_interval, weighted_share
 
 # With fewer effective runs on one side, the error of weighted runs may be larger than it shows.

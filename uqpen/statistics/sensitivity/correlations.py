@@ -13,8 +13,8 @@ import xarray as xr
 from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.input_columns import Ordering
 from uqpen.statistics.intervals import student_quantile
-from uqpen.statistics.ordering import Ordering
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample, SampleShape
 from uqpen.statistics.sensitivity.input_measures import input_array, reason_without_measure

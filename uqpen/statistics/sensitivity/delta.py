@@ -14,7 +14,7 @@ from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.streams import Stream
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
-from uqpen.statistics.ordering import Ordering
+from uqpen.statistics.input_columns import Ordering
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
 from uqpen.statistics.sensitivity.input_measures import (

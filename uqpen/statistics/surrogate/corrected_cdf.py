@@ -213,8 +213,8 @@ class CorrectedCdf:
             value += part(ascending(found.value))
             lower += part(ascending(found.lower))
             upper += part(ascending(found.upper))
-        # Rounding may be against both.
-        value = largest_up_to(value)
+        # Rounding may be against both, and against the sum of all shares.
+        value = np.where(value > 1 - 1e-12, 1.0, largest_up_to(value))
         return _probability(
             value, np.minimum(largest_up_to(lower), value), np.maximum(largest_up_to(upper), value)
         )

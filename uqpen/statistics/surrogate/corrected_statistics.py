@@ -39,7 +39,7 @@ from uqpen.statistics import texts
 from uqpen.statistics.analyze import OutputStatistics, analyze
 from uqpen.statistics.estimate import LEVEL, Estimate
 from uqpen.statistics.intervals import equivalent_runs
-from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
 from uqpen.statistics.stopped_runs import mark_uncertified
 from uqpen.statistics.surrogate.corrected_cdf import CorrectedCdf
 from uqpen.statistics.surrogate.corrected_indices import (
@@ -57,7 +57,6 @@ from uqpen.statistics.surrogate.corrected_moments import (
 )
 from uqpen.statistics.surrogate.correction_runs import CorrectionRuns, FoldFit
 from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
-from uqpen.statistics.threshold import Threshold
 from uqpen.surrogates.field_surrogate import FieldSurrogate
 from uqpen.surrogates.fitted_surrogate import ClosedForms
 from uqpen.surrogates.fitting import CrossFit
