@@ -85,28 +85,23 @@ def test_a_difference_of_temperatures_has_no_offset():
 def test_the_minus_of_typesetting_is_read_as_that_of_the_keyboard():
     assert parse_quantity("−5 mm", "m").value == -0.005
     assert parse_quantity("2e−3 m", "m").value == 0.002
-    spread = parse_spread("(−2 ± 1) m", "m")
+
+
+@pytest.mark.parametrize(
+    ("text", "like", "read"),
+    [
+        ("(2.5 ± 0.05) g/cm^3", "kg m-3", (2500.0, 50.0, "g/cm^3")),
+        ("(2.5 +/- 0.05) g/cm^3", "kg m-3", (2500.0, 50.0, "g/cm^3")),
+        ("(2.5 +- 0.05) g/cm^3", "kg m-3", (2500.0, 50.0, "g/cm^3")),
+        ("(−2 ± 1) m", "m", (-2.0, 1.0, "m")),  # with the minus of typesetting
+        ("(20 ± 5) degC", "K", (293.15, 5.0, "degC")),  # the deviation is a difference
+        ("2 ± 0.1", "1", (2.0, 0.1, "1")),  # without a unit, no brackets are needed
+    ],
+)
+def test_a_spread_is_a_mean_and_a_standard_deviation(text, like, read):
+    spread = parse_spread(text, like)
     assert spread is not None
-    assert (spread.mean, spread.std) == (-2, 1)
-
-
-@pytest.mark.parametrize("sign", ["±", "+/-", "+-"])
-def test_a_spread_is_a_mean_and_a_standard_deviation(sign):
-    spread = parse_spread(f"(2.5 {sign} 0.05) g/cm^3", "kg m-3")
-    assert spread is not None
-    assert (spread.mean, spread.std, spread.unit) == (2500.0, 50.0, "g/cm^3")
-
-
-def test_a_spread_of_temperatures_converts_as_a_difference():
-    spread = parse_spread("(20 ± 5) degC", "K")
-    assert spread is not None
-    assert (spread.mean, spread.std) == (293.15, 5.0)
-
-
-def test_a_spread_without_unit_needs_no_brackets():
-    spread = parse_spread("2 ± 0.1", "1")
-    assert spread is not None
-    assert (spread.mean, spread.std) == (2.0, 0.1)
+    assert (spread.mean, spread.std, spread.unit) == read
 
 
 def test_text_without_a_plus_minus_is_no_spread():

@@ -157,41 +157,28 @@ class TestDependence:
         assert expected in report
 
     @pytest.mark.parametrize(
+        ("matrix", "key", "found", "expected"),
+        [
+            ("[[1, 0.5]]", "matrix", "another size", "2 rows of 2"),
+            ("[1, 0.5]", "matrix[0]", "1", "a row"),
+            ('[[1, "a"], [0.5, 1]]', "matrix[0][1]", '"a"', "a number"),
+            ("[[1, 0.5], [0.4, 1]]", "matrix[1][0]", "0.4", "symmetric"),
+            (f"[[1, 9{'0' * 400}], [1.5, 1]]", "matrix[0][1]", "9", "between -1 and 1"),
+            ("[[1, 1.5], [1.5, 1]]", "matrix[0][1]", "1.5", "between -1 and 1"),
+            ("[[0.9, 0.5], [0.5, 1]]", "matrix[0][0]", "0.9", "1 on the diagonal"),
+        ],
+    )
+    def test_a_wrong_matrix_is_reported(self, matrix, key, found, expected):
+        lines = f'inputs = ["x1", "x2"]\nmatrix = {matrix}\n'
+        report = reported(with_three(f'of = "normal-scores"\n{lines}'))
+        assert f"dependence.{key}\n" in report
+        assert found in report
+        assert expected in report
+
+    @pytest.mark.parametrize(
         ("lines", "key", "found", "expected"),
         [
             ("matrix = [[1, 0.5], [0.5, 1]]", "inputs", "nothing", "the random inputs"),
-            ('inputs = ["x1", "x2"]\nmatrix = [[1, 0.5]]', "matrix", "another size", "2 rows of 2"),
-            ('inputs = ["x1", "x2"]\nmatrix = [1, 0.5]', "matrix[0]", "1", "a row"),
-            (
-                'inputs = ["x1", "x2"]\nmatrix = [[1, "a"], [0.5, 1]]',
-                "matrix[0][1]",
-                '"a"',
-                "a number",
-            ),
-            (
-                'inputs = ["x1", "x2"]\nmatrix = [[1, 0.5], [0.4, 1]]',
-                "matrix[1][0]",
-                "0.4",
-                "symmetric",
-            ),
-            (
-                f'inputs = ["x1", "x2"]\nmatrix = [[1, 9{"0" * 400}], [1.5, 1]]',
-                "matrix[0][1]",
-                "9",
-                "between -1 and 1",
-            ),
-            (
-                'inputs = ["x1", "x2"]\nmatrix = [[1, 1.5], [1.5, 1]]',
-                "matrix[0][1]",
-                "1.5",
-                "between -1 and 1",
-            ),
-            (
-                'inputs = ["x1", "x2"]\nmatrix = [[0.9, 0.5], [0.5, 1]]',
-                "matrix[0][0]",
-                "0.9",
-                "1 on the diagonal",
-            ),
             (
                 'inputs = ["x1", "x1"]\nmatrix = [[1, 0.5], [0.5, 1]]',
                 "inputs[1]",
@@ -214,7 +201,7 @@ class TestDependence:
             ),
         ],
     )
-    def test_a_wrong_matrix_is_reported(self, lines, key, found, expected):
+    def test_correlations_that_cannot_be_joined_are_reported(self, lines, key, found, expected):
         report = reported(with_three(f'of = "normal-scores"\n{lines}\n'))
         assert f"dependence.{key}\n" in report
         assert found in report
