@@ -84,10 +84,8 @@ def test_stratified_points_take_rows_evenly():
     columns = posterior(100)
     del columns["weight"]
     joint = study(joint={"p": {"sample": columns}}).joint
-    for design in (
-        uqpen.LatinHypercube(runs=400, replicates=4),
-        uqpen.SobolSequence(runs=1_024, replicates=4),
-    ):
+    for kind, runs in ((uqpen.LatinHypercube, 400), (uqpen.SobolSequence, 1_024)):
+        design = kind(runs=runs, replicates=4)
         values = points_in_memory(next(design.rounds(joint, Stream(1))))["b"].values
         counts = np.array([(values == each).sum() for each in columns["b"]])
         share = len(values) / 100
@@ -260,9 +258,8 @@ def test_units_of_chaospys_values():
     scaled = made.joint.points(unit, {})["a"].values
     names = [entry.variable.name for entry in made.joint.random]
     columns = [names.index(name) for name in ("a", "b")]
-    np.testing.assert_allclose(
-        1000 * scaled, plain.points(unit[:, columns], {})["a"].values, rtol=1e-12
-    )
+    expected = plain.points(unit[:, columns], {})["a"].values
+    np.testing.assert_allclose(1000 * scaled, expected, rtol=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -108,13 +108,12 @@ def test_blocks_of_a_dataset_are_the_blocks_of_the_evaluation(plain):
 @pytest.mark.parametrize("size", [1_000, 1_024])
 @pytest.mark.parametrize("vectorized", [False, True])
 def test_batches_of_any_kind_keep_their_results(small_blocks, size, vectorized):
-    points = drawn(2_500)
-    whole = evaluate(Evaluator(function(vectorized)), points, {})
+    points, evaluator = drawn(2_500), Evaluator(function(vectorized))
+    whole = evaluate(evaluator, points, {})
     small_blocks(size)
-    assert evaluate(Evaluator(function(vectorized)), points, {}).identical(whole)
-    assert evaluate(
-        Evaluator(function(vectorized)), points, {}, EvaluationOptions(map=backwards)
-    ).identical(whole)
+    for each in (map, backwards):
+        options = EvaluationOptions(map=each)
+        assert evaluate(evaluator, points, {}, options).identical(whole)
 
 
 def test_batches_begin_where_they_do_without_blocks(small_blocks):
@@ -154,12 +153,13 @@ def test_a_map_that_leaves_out_runs_is_refused():
 
 def test_too_many_failed_are_those_of_the_whole_round(small_blocks):
     points = xr.Dataset({"x": (RUN, np.repeat([9.5, 1.0], [1_024, 9_000]))})
-    policy = FailurePolicy(at_most=0.11)
+    enough, too_few = (
+        EvaluationOptions(failures=FailurePolicy(at_most=share)) for share in (0.11, 0.10)
+    )
     small_blocks(1_024)
-    evaluate(Evaluator(Square()), points, {}, EvaluationOptions(failures=policy))
-    policy = FailurePolicy(at_most=0.10)
+    evaluate(Evaluator(Square()), points, {}, enough)
     with pytest.raises(TooManyFailedError, match="1024 of 10024 runs"):
-        evaluate(Evaluator(Square()), points, {}, EvaluationOptions(failures=policy))
+        evaluate(Evaluator(Square()), points, {}, too_few)
 
 
 class Kept(Checkpoint):
@@ -231,19 +231,13 @@ def test_all_runs_of_a_scalar_function_may_have_been_made_before(small_blocks):
     small_blocks(1_000)
     kept = Kept([restored(x, 0, 1_500), restored(x, 1_600, 3_000)])
     reported = Counted()
-    points = xr.Dataset({"x": (RUN, x)})
-    found = evaluate(
-        Evaluator(function(False)),
-        points,
-        {},
-        EvaluationOptions(checkpoint=kept, progress=reported),
-    )
+    points, evaluator = xr.Dataset({"x": (RUN, x)}), Evaluator(function(False))
+    options = EvaluationOptions(checkpoint=kept, progress=reported)
+    found = evaluate(evaluator, points, {}, options)
     assert np.array_equal(found["y"].values, x**2)
     assert reported.runs == 100
-    kept = Kept([restored(x, 0, 3_000)])
-    assert evaluate(
-        Evaluator(function(False)), points, {}, EvaluationOptions(checkpoint=kept)
-    ).identical(found)
+    all_kept = EvaluationOptions(checkpoint=Kept([restored(x, 0, 3_000)]))
+    assert evaluate(evaluator, points, {}, all_kept).identical(found)
 
 
 def test_memory_is_that_of_a_few_blocks():

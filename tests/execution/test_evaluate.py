@@ -49,12 +49,15 @@ def reasons(runs):
 
 
 @pytest.mark.parametrize("vectorized", [True, False])
-def test_outputs_stand_beside_the_inputs(vectorized):
+def test_outputs_stand_beside_the_inputs_and_say_what_they_are(vectorized):
     runs = runs_of(good, [1.0, 2.0], vectorized=vectorized)
     assert runs["z"].values.tolist() == [2.0, 3.0]
     assert runs["x"].values.tolist() == [1.0, 2.0]
     assert runs["status"].values.tolist() == [0, 0]
     assert reasons(runs) == {}
+    assert (runs["x"].attrs["role"], runs["z"].attrs["role"]) == ("input", "output")
+    assert runs["z"].attrs["units"] == "m"
+    assert runs["status"].attrs["flag_meanings"].split()[:2] == ["ok", "inadmissible"]
 
 
 @pytest.mark.parametrize("vectorized", [True, False])
@@ -266,9 +269,8 @@ def test_batches_may_be_computed_in_any_order():
         return [function(batch) for batch in reversed(list(batches))]
 
     plain = evaluate(Evaluator(model(good)), points, {})
-    assert evaluate(Evaluator(model(good)), points, {}, EvaluationOptions(map=backwards)).identical(
-        plain
-    )
+    options = EvaluationOptions(map=backwards)
+    assert evaluate(Evaluator(model(good)), points, {}, options).identical(plain)
 
 
 def test_batches_of_a_function_do_not_depend_on_the_number_of_runs():
@@ -302,14 +304,6 @@ def test_progress_counts_every_run_once():
     evaluate(Evaluator(model(good)), points, {}, EvaluationOptions(progress=reported))
     assert sum(reported.runs) == 1000
     assert reported.runs[0] == 1, "the first report must not wait for many slow runs"
-
-
-def test_variables_say_what_they_are():
-    runs = runs_of(good, [1.0])
-    assert runs["x"].attrs["role"] == "input"
-    assert runs["z"].attrs["role"] == "output"
-    assert runs["z"].attrs["units"] == "m"
-    assert runs["status"].attrs["flag_meanings"].split()[:2] == ["ok", "inadmissible"]
 
 
 def test_rounds_are_numbered_through():

@@ -146,36 +146,34 @@ def test_a_run_that_wants_too_much_memory_costs_itself_only(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "found", "expected"),
+    ("table", "text", "found", "expected"),
     [
-        ('at_most = "120 %"', '"120 %"', 'the share of runs that may fail, such as "5 %"'),
-        ('at_most = "5 m"', '"5 m"', "a plain number"),
-        ("retry = -1", "-1", "a whole number from 0 to 100"),
-        ("retry = 1.5", "1.5", "a whole number from 0 to 100"),
-        ("often = 2", "an unknown key", "retry"),
+        (
+            "failures",
+            'at_most = "120 %"',
+            '"120 %"',
+            'the share of runs that may fail, such as "5 %"',
+        ),
+        ("failures", 'at_most = "5 m"', '"5 m"', "a plain number"),
+        ("failures", "retry = -1", "-1", "a whole number from 0 to 100"),
+        ("failures", "retry = 1.5", "1.5", "a whole number from 0 to 100"),
+        ("failures", "often = 2", "an unknown key", "retry"),
+        ("model", 'time_limit = "10 m"', '"10 m"', "a time"),
+        ("model", 'time_limit = "0 s"', '"0 s"', 'a time such as "10 s"'),
+        ("model", 'memory_limit = "2"', '"2"', 'a size such as "2 GB"'),
+        ("model", 'memory_limit = "1 kB"', '"1 kB"', "at least 1 MB"),
+        (
+            "model",
+            'time_limit = "1 s"\nvectorized = true',
+            "a limit of one run",
+            "vectorized = false",
+        ),
     ],
 )
-def test_a_mistake_in_failures_is_reported(folder, text, found, expected):
+def test_a_mistake_is_reported(folder, table, text, found, expected):
+    study = f"{STUDY}[failures]\n".replace(f"[{table}]", f"[{table}]\n{text}")
     with pytest.raises(StudyError) as message:
-        uqpen.parse_study(f"{STUDY}[failures]\n{text}\n", folder=folder)
-    said = " ".join(str(message.value).split())
-    assert f"found {found} expected" in said
-    assert expected in said
-
-
-@pytest.mark.parametrize(
-    ("text", "found", "expected"),
-    [
-        ('time_limit = "10 m"', '"10 m"', "a time"),
-        ('time_limit = "0 s"', '"0 s"', 'a time such as "10 s"'),
-        ('memory_limit = "2"', '"2"', 'a size such as "2 GB"'),
-        ('memory_limit = "1 kB"', '"1 kB"', "at least 1 MB"),
-        ('time_limit = "1 s"\nvectorized = true', "a limit of one run", "vectorized = false"),
-    ],
-)
-def test_a_limit_that_is_none_is_reported(folder, text, found, expected):
-    with pytest.raises(StudyError) as message:
-        uqpen.parse_study(STUDY.replace("[model]", f"[model]\n{text}"), folder=folder)
+        uqpen.parse_study(study, folder=folder)
     said = " ".join(str(message.value).split())
     assert f"found {found} expected" in said
     assert expected in said

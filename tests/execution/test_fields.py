@@ -28,8 +28,11 @@ def model(function, *outputs, vectorized=False):
 
 
 def made(function, *outputs, runs=4, **options):
-    points = xr.Dataset({"x": (RUN, np.arange(float(runs)))}, {RUN: np.arange(runs)})
-    return evaluate(Evaluator(model(function, *outputs, **options)), points, {})
+    return evaluate(Evaluator(model(function, *outputs, **options)), points_of(runs), {})
+
+
+def points_of(runs):
+    return xr.Dataset({"x": (RUN, np.arange(float(runs)))}, {RUN: np.arange(runs)})
 
 
 def curve(x):
@@ -57,15 +60,10 @@ def test_a_field_has_the_runs_first_and_its_coordinates():
 
 def test_the_reason_of_a_failed_run_names_the_place():
     runs = made(curve, CURVE)
-    assert runs[STATUS].values.tolist() == [
-        Status.OK,
-        Status.NOT_FINITE,
-        Status.NOT_FINITE,
-        Status.FAILED,
-    ]
+    lost = [Status.NOT_FINITE, Status.NOT_FINITE, Status.FAILED]
+    assert runs[STATUS].values.tolist() == [Status.OK, *lost]
     assert runs[FAILURE_REASON].values.tolist() == [
-        "curve is nan at time = 2 day",
-        "curve is nan at time = 2 day",
+        *(["curve is nan at time = 2 day"] * 2),
         'returned a "curve" of shape (3,), not (4,) along (time)',
     ]
     assert np.isnan(runs["curve"].values[1:]).all()
@@ -113,8 +111,7 @@ def derived(function, *named):
         for name in named
         for derived in derived_outputs(name, CURVE, resolve(REDUCTIONS[name])())
     ]
-    points = xr.Dataset({"x": (RUN, np.arange(3.0))}, {RUN: np.arange(3)})
-    return evaluate(Evaluator(model(function, CURVE).with_derived(outputs)), points, {})
+    return evaluate(Evaluator(model(function, CURVE).with_derived(outputs)), points_of(3), {})
 
 
 def test_a_run_whose_derived_number_overflows_is_lost_with_a_reason():
@@ -146,10 +143,8 @@ def test_a_vectorised_function_returns_runs_first():
 def test_workers_give_the_same_bytes(options):
     function = vectorized if options else curve
     alone = made(function, ENDING, runs=40, **options)
-    points = xr.Dataset({"x": (RUN, np.arange(40.0))}, {RUN: np.arange(40)})
+    evaluator = Evaluator(model(function, ENDING, **options))
     with processes(2) as pool:
-        together = evaluate(
-            Evaluator(model(function, ENDING, **options)), points, {}, EvaluationOptions(map=pool)
-        )
+        together = evaluate(evaluator, points_of(40), {}, EvaluationOptions(map=pool))
     xr.testing.assert_identical(alone, together)
     assert alone["curve"].values.tobytes() == together["curve"].values.tobytes()

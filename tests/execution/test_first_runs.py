@@ -122,10 +122,9 @@ def test_inadmissible_runs_are_no_trial(tmp_path):
 
 def test_a_built_in_model_needs_no_trial_and_no_more_do_runs_that_are_there():
     recorded = RecordedMap()
-    uniform = "{ uniform = { lower = -3, upper = 3 } }"
-    inputs = "\n".join(f"{name} = {uniform}" for name in ("x1", "x2", "x3"))
-    design = '[designs.some]\nkind = "monte-carlo"\nruns = 2000\n'
-    text = f'seed = 1\n[model]\nuse = "ishigami"\n[inputs]\n{inputs}\n{design}'
+    inputs = dict.fromkeys(("x1", "x2", "x3"), (-3, 3))
+    design = {"kind": "monte-carlo", "runs": 2000}
+    text = study_text("ishigami", inputs=inputs, designs={"some": design})
     uqpen.run(uqpen.parse_study(text), map=recorded)
     first = FirstRuns(Ishigami(), FailurePolicy())
     first.start_round(10, restored=1)

@@ -82,6 +82,15 @@ def archive(folder, text, map=map):
     return (folder / "study.nc").read_bytes()
 
 
+UQPEN = ("-m", "uqpen")
+
+
+def python(folder, *arguments):
+    """What became of a call of Python in a folder."""
+    words = [sys.executable, *arguments]
+    return subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
+
+
 @pytest.fixture(scope="module")
 def two():
     """Two workers, for all tests that leave them as they were."""
@@ -251,19 +260,12 @@ def f(x):
     assert runs["lost_reason"].values.tolist() == [f"the run ended its process: {e}" for e in ends]
 
 
-def test_a_long_path_of_temporary_files_is_no_hindrance(tmp_path):
+def test_a_long_path_of_temporary_files_is_no_hindrance(tmp_path, monkeypatch):
     (tmp_path / "mine.toml").write_text(study(tmp_path, "def f(x): return {'y': x}"))
     temporary = tmp_path / ("long" * 30)
     temporary.mkdir()
-    words = [sys.executable, "-m", "uqpen", "study", "mine.toml", "--workers", "2"]
-    done = subprocess.run(
-        words,
-        cwd=tmp_path,
-        env={**os.environ, "TMPDIR": str(temporary)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    monkeypatch.setenv("TMPDIR", str(temporary))
+    done = python(tmp_path, *UQPEN, "study", "mine.toml", "--workers", "2")
     assert done.returncode == 0, done.stderr
 
 
@@ -303,9 +305,7 @@ with processes(2) as pool:
 def test_a_script_that_would_start_itself_again_is_reported(tmp_path):
     (tmp_path / "mine.toml").write_text(study(tmp_path, "def f(x): return {'y': x}"))
     (tmp_path / "script.py").write_text(SCRIPT)
-    done = subprocess.run(
-        [sys.executable, "script.py"], cwd=tmp_path, capture_output=True, text=True, check=False
-    )
+    done = python(tmp_path, "script.py")
     assert 'under if __name__ == "__main__"' in done.stderr
     assert done.returncode == 1
 
@@ -318,7 +318,7 @@ def test_an_interrupt_leaves_no_process_and_no_file(tmp_path, sent):
     folder = tmp_path / "temporary"
     folder.mkdir()
     (tmp_path / "mine.toml").write_text(study(tmp_path, SLOW))
-    line = [sys.executable, "-m", "uqpen", "study", "mine.toml", "--workers", "2", "-o"]
+    line = [sys.executable, *UQPEN, "study", "mine.toml", "--workers", "2", "-o"]
     # As a terminal interrupts all processes, and as another program interrupts the one it knows.
     running = [
         (
@@ -362,7 +362,7 @@ def limited(folder, source, limit):
     """A study of two runs under a limit on time, when its first run has begun."""
     models = f'[model]\ntime_limit = "{limit}"\n{MODEL}'
     (folder / "mine.toml").write_text(study(folder, source, runs=2, models=models))
-    line = [sys.executable, "-m", "uqpen", "study", "mine.toml"]
+    line = [sys.executable, *UQPEN, "study", "mine.toml"]
     process = subprocess.Popen(line, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     assert process.stdout.readline().startswith(b"run")
     return process
@@ -416,7 +416,7 @@ def test_a_run_ends_with_a_program_that_is_killed(tmp_path, source):
 
 @pytest.mark.parametrize("workers", ["0", "-1", "two", "1.5"])
 def test_a_number_of_workers_that_is_none_leaves_with_2(tmp_path, workers):
-    done = command(tmp_path, "study", "mine.toml", "--workers", workers)
+    done = python(tmp_path, *UQPEN, "study", "mine.toml", "--workers", workers)
     assert done.returncode == 2
     assert "--workers" in done.stderr
 
@@ -434,13 +434,3 @@ def test_methods_are_compared_on_processes_too(tmp_path, monkeypatch):
             main()
         assert not left.value.code
     assert (tmp_path / "1.nc").read_bytes() == (tmp_path / "2.nc").read_bytes()
-
-
-def command(folder, *arguments):
-    return subprocess.run(
-        [sys.executable, "-m", "uqpen", *arguments],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        check=False,
-    )

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from nominal_rod import ROD
 from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 
@@ -11,18 +12,6 @@ from uqpen.execution import Evaluator
 from uqpen.models.rod_and_target import Termination
 from uqpen.models.rod_models import AlekseevskiiTate, HydrodynamicLimit
 
-# FFI/RAPPORT-2000/05876, Table 3.1.
-ROD = {
-    "projectile_density": 17_500.0,
-    "projectile_yield_limit": 1.65e9,
-    "projectile_length": 0.16,
-    "impact_velocity": 1400.0,
-    "projectile_sound_speed": 3071.0,
-    "target_density": 2500.0,
-    "target_yield_limit": 400e6,
-    "plasticity_radius": 0.1,
-    "crater_radius": 0.017,
-}
 STRONG_ROD = {"projectile_yield_limit": 3e9}
 STRONG_TARGET = {"target_yield_limit": 800e6}
 

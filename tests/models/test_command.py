@@ -328,19 +328,18 @@ def test_an_output_that_cannot_be_read_is_a_failed_run(home, script, reading, re
     assert found == (Status.FAILED, reason)
 
 
-def test_a_program_that_is_run_by_one_that_is_not_there_is_a_failed_run(home):
-    (home / "solver").write_text("#!/no/such/python3\n")
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        (b"#!/no/such/python3\n", "what its first line names to run it with is not there"),
+        (b"\x7fELF for another machine", "Exec format error"),
+    ],
+)
+def test_a_program_that_cannot_be_started_is_a_failed_run(home, content, reason):
+    (home / "solver").write_bytes(content)
     (home / "solver").chmod(0o755)
     results = run(model_of(home, 'command = ["./solver", "{inputs}"]'))
-    reported = "cannot be started: what its first line names to run it with is not there"
-    assert results.reasons[0] == reported
-
-
-def test_a_program_for_another_machine_is_a_failed_run(home):
-    (home / "solver").write_bytes(b"\x7fELF nothing")
-    (home / "solver").chmod(0o755)
-    results = run(model_of(home, 'command = ["./solver", "{inputs}"]'))
-    assert results.reasons[0] == "cannot be started: Exec format error"
+    assert results.reasons[0] == f"cannot be started: {reason}"
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="limits on memory are kept by Linux")
@@ -728,22 +727,7 @@ ANY_READING = st.sampled_from(
         NetcdfReader("o", "a"),
     ]
 )
-PIECES = [
-    b"a",
-    b"{",
-    b"}",
-    b"[",
-    b'"',
-    b":",
-    b",",
-    b"\n",
-    b"\r",
-    b"\0",
-    b"1",
-    b"e9",
-    b"\xff",
-    b"NaN",
-]
+PIECES = [*(b'a { } [ " : , 1 e9 \xff NaN'.split()), b"\n", b"\r", b"\0"]
 ANY_BYTES = st.binary() | st.lists(st.sampled_from(PIECES)).map(b"".join)
 
 

@@ -102,6 +102,14 @@ def test_one_run_says_what_the_runs_of_a_study_depend_on(folder):
     assert SECRET.encode() not in content
 
 
+def change(folder, monkeypatch, name):
+    """Change a text, a module or the variable."""
+    if name == "FACTOR_OF_MODEL":
+        monkeypatch.setenv(name, "3")
+    else:
+        (folder / name).write_text("3" if name.endswith("txt") else "k = 3\n")
+
+
 @pytest.mark.slow
 @pytest.mark.processor
 def test_the_record_is_the_same_wherever_runs_are_made(folder, tmp_path):
@@ -127,15 +135,12 @@ def test_the_record_is_the_same_wherever_runs_are_made(folder, tmp_path):
         ("../lib/far.txt", "file ../lib/far.txt has changed"),
         ("../lib/outside.py", "module outside has changed"),
         ("late.py", "file late.py has changed"),
-        ("", "environment variable FACTOR_OF_MODEL has changed"),
+        ("FACTOR_OF_MODEL", "environment variable FACTOR_OF_MODEL has changed"),
     ],
 )
 def test_what_has_changed_is_reported(folder, monkeypatch, name, reported):
     make(folder)
-    if name:
-        (folder / name).write_text("3" if name.endswith("txt") else "k = 3\n")
-    else:
-        monkeypatch.setenv("FACTOR_OF_MODEL", "3")
+    change(folder, monkeypatch, name)
     with pytest.raises(CheckpointError) as caught:
         make(folder, "other.nc", reuse=[folder / "study.nc"])
     assert [line.strip() for line in str(caught.value).splitlines()[1:-1]] == [reported]
@@ -150,28 +155,22 @@ def test_a_file_that_is_gone_is_reported(folder):
         make(folder, "other.nc", reuse=[folder / "study.nc"])
 
 
-def test_an_interrupted_study_does_not_go_on_with_another_file(folder):
-    (folder / "m.py").write_text(
-        MODEL.replace('(here / "stop").exists()', "x > 0 and any(here.glob('stop'))")
-    )
-    (folder / "stop").touch()
-    with pytest.raises(KeyboardInterrupt):
-        make(folder)
-    (folder / "stop").unlink()
-    (folder / "k.txt").write_text("3")
-    with pytest.raises(ModelError, match=r'"k\.txt" was changed while the study ran'):
-        make(folder)
-
-
-def test_an_interrupted_study_does_not_go_on_with_another_variable(folder, monkeypatch):
+@pytest.mark.parametrize(
+    ("name", "reported"),
+    [
+        ("k.txt", r'"k\.txt" was changed while the study ran'),
+        ("FACTOR_OF_MODEL", '"FACTOR_OF_MODEL" had another value'),
+    ],
+)
+def test_an_interrupted_study_does_not_go_on_with_another(folder, monkeypatch, name, reported):
     stopping = "x > 0 and any(here.glob('stop'))"
     (folder / "m.py").write_text(MODEL.replace('(here / "stop").exists()', stopping))
     (folder / "stop").touch()
     with pytest.raises(KeyboardInterrupt):
         make(folder)
     (folder / "stop").unlink()
-    monkeypatch.setenv("FACTOR_OF_MODEL", "3")
-    with pytest.raises(ModelError, match='"FACTOR_OF_MODEL" had another value'):
+    change(folder, monkeypatch, name)
+    with pytest.raises(ModelError, match=reported):
         make(folder)
 
 

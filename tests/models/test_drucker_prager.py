@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from nominal_rod import ROD
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
@@ -16,19 +17,6 @@ from uqpen.models.walker_anderson_drucker_prager import (
     plastic_extent,
 )
 
-# FFI/RAPPORT-2000/05876, Table 3.1.
-ROD = {
-    "projectile_density": 17_500.0,
-    "projectile_yield_limit": 1.65e9,
-    "projectile_length": 0.16,
-    "impact_velocity": 1400.0,
-    "projectile_sound_speed": 3071.0,
-    "target_density": 2500.0,
-    "target_yield_limit": 400e6,
-    "plasticity_radius": 0.1,
-    "crater_radius": 0.017,
-    "smoothing": 0.0,
-}
 TARGET = {"zero_pressure_yield_limit": 100e6, "yield_limit_slope": 0.6}
 
 

@@ -36,13 +36,10 @@ class TestBuiltIn:
     def test_the_source_is_the_same_whatever_has_been_imported(self):
         code = "from uqpen.models.source import source_sha256 as s;"
         module = MODELS["walker-anderson"].partition(":")[0]
-        code += (
-            f"print(s({module!r})); import numba, {module}; s.cache_clear(); print(s({module!r}))"
-        )
-        done = subprocess.run(
-            [sys.executable, "-c", code], capture_output=True, text=True, check=True
-        )
-        assert set(done.stdout.split()) == {sources.source_sha256.__wrapped__(module)}
+        printed = f"print(s({module!r}));"
+        code += f"{printed} import numba, {module}; s.cache_clear(); {printed}"
+        done = subprocess.check_output([sys.executable, "-c", code], text=True)
+        assert set(done.split()) == {sources.source_sha256.__wrapped__(module)}
 
     @pytest.mark.parametrize(
         ("model", "module", "belongs"),
@@ -105,10 +102,8 @@ class TestFilesThatChange:
     def test_a_table_is_kept_as_it_was_read(self, tmp_path):
         (tmp_path / "own.py").write_text("def f(x): return {'y': 2 * x}\n")
         (tmp_path / "points.csv").write_text("x\n1\n2\n")
-        text = (
-            STUDY.partition("[designs")[0] + '[designs.some]\nkind = "table"\nfile = "points.csv"'
-        )
-        study = uqpen.parse_study(text, folder=tmp_path)
+        table = '[designs.some]\nkind = "table"\nfile = "points.csv"'
+        study = uqpen.parse_study(STUDY.partition("[designs")[0] + table, folder=tmp_path)
         (tmp_path / "points.csv").write_text("x\n3\n4\n")
         tree = uqpen.run(study)
         assert tree["runs/some"]["x"].values.tolist() == [1, 2]

@@ -65,28 +65,10 @@ def address():
 
 
 @contextlib.contextmanager
-def answering(*answers):
-    """The address of a server that gives these answers, a connection each, whatever is asked."""
-    listening = socket.create_server(("127.0.0.1", 0))
+def answering(*answers, drip=None):
+    """The address of a server that gives these answers, a connection each, whatever is asked.
 
-    def serve():
-        for answer in answers:
-            connection, _ = listening.accept()
-            with connection:
-                connection.recv(65536)
-                connection.sendall(answer)
-
-    thread = threading.Thread(target=serve, daemon=True)
-    thread.start()
-    with listening:
-        yield f"http://127.0.0.1:{listening.getsockname()[1]}"
-        thread.join(5)
-
-
-@contextlib.contextmanager
-def dripping(*answers, start, drop, end):
-    """The address of a server that, after some answers, gives the next one drop by drop.
-
+    It may give one more drop by drop: what it begins with, what is repeated, and what it ends with.
     The drops end some ten seconds later, for a client that waits until then, or when it leaves.
     """
     listening = socket.create_server(("127.0.0.1", 0))
@@ -98,6 +80,9 @@ def dripping(*answers, start, drop, end):
             with connection:
                 connection.recv(65536)
                 connection.sendall(answer)
+        if drip is None:
+            return
+        start, drop, end = drip
         connection, _ = listening.accept()
         with connection, contextlib.suppress(OSError):
             connection.recv(65536)
@@ -113,7 +98,7 @@ def dripping(*answers, start, drop, end):
     with listening:
         yield f"http://127.0.0.1:{listening.getsockname()[1]}"
         is_over.set()
-        thread.join(60)
+        thread.join(5 if drip is None else 60)
 
 
 def http(content, code="200 OK"):
@@ -136,6 +121,14 @@ def study(address, model='name = "sum"', *changes):
         assert old in text
         text = text.replace(old, new)
     return uqpen.parse_study(text)
+
+
+def refused(*arguments):
+    """The mistake for which a study is refused."""
+    with pytest.raises(StudyError) as caught:
+        study(*arguments)
+    (problem,) = caught.value.problems
+    return problem
 
 
 def runs(study):
@@ -261,8 +254,7 @@ class TestLostRuns:
 
     @pytest.mark.parametrize("case", DRIPS)
     def test_the_time_limit_is_that_of_the_whole_answer(self, case):
-        start, drop, end = DRIPS[case]
-        with dripping(*BEFORE, start=start, drop=drop, end=end) as address:
+        with answering(*BEFORE, drip=DRIPS[case]) as address:
             limited = study(address, 'time_limit = "1 s"', ("runs = 20", "runs = 1"))
             made = runs(limited)
         assert made["status"].values.tolist() == [Status.TIMED_OUT]
@@ -271,7 +263,7 @@ class TestLostRuns:
     def test_what_never_ends_is_not_received_for_ever(self, monkeypatch):
         monkeypatch.setattr(umbridge, "_MOST_RECEIVED", 2**17)
         endless = 10_000 * b"HTTP/1.1 100 Continue\r\n\r\n"
-        with dripping(*BEFORE, start=endless, drop=b"H", end=b"") as address:
+        with answering(*BEFORE, drip=(endless, b"H", b"")) as address:
             made = runs(study(address, "", ("runs = 20", "runs = 1")))
         reported = "the server's answer has more than 16777216 bytes"
         assert made["lost_reason"].values.tolist() == [reported]
@@ -307,82 +299,60 @@ class TestLostRuns:
 
 
 ADDRESS = 'the address of a UM-Bridge server, such as "http://127.0.0.1:4242"'
+NAME = 'name = "sum"'
+MODEL = 'a model of this server; did you mean "sum"? known: sum, idle'
+VALUE = "a text, a number, true or false, or lists or tables of them"
+KEYS = "umbridge, name, time_limit, config, inputs, outputs, dimensions"
+LIMIT = "5  model.time_limit"
+
+
+def also(line):
+    """A line more, after the name."""
+    return [(NAME, f"{NAME}\n{line}")]
+
+
+# What a study has in place of what, and where which message stands.
+MISTAKES = [
+    ([(NAME, 'name = "summ"')], "4  model.name", '"summ"', MODEL),
+    ([(NAME, "")], "2  model.name", "nothing", "a model of this server; known: sum, idle"),
+    (
+        [(NAME, 'name = "idle"')],
+        "3  model.umbridge",
+        '"idle", which does not support Evaluate',
+        "a model that can run",
+    ),
+    (
+        [('c = "degC"\n', ""), ('c = "20 degC"\n', "")],
+        "5  model.inputs",
+        "2 inputs",
+        'as many as "sum" takes numbers: 3 (2 + 1)',
+    ),
+    (
+        [('z = "mm"\n', 'z = "mm"\nw = "1"\n')],
+        "9  model.outputs",
+        "3 outputs",
+        'as many as "sum" gives numbers: 2 (1 + 1)',
+    ),
+    (also("time_limit = 10"), LIMIT, '"10", a number without a unit', 'a time, such as "10 s"'),
+    (also('time_limit = "0 s"'), LIMIT, '"0 s"', 'a time such as "10 s" or "5 min"'),
+    (also("config = { at = 2020-01-01 }"), "5  model.config.at", "2020-01-01", VALUE),
+    (also("config = { at = { in = [1, inf] } }"), "5  model.config.at", "inf", VALUE),
+    (
+        also('nmae = "sum"'),
+        "5  model.nmae",
+        "an unknown key",
+        f'did you mean "name"? known: {KEYS}',
+    ),
+]
 
 
 class TestMistakes:
-    """Each: what the study has in place of what, and where which message stands."""
-
-    @pytest.mark.parametrize(
-        ("changes", "where", "found", "expected"),
-        [
-            (
-                [('name = "sum"', 'name = "summ"')],
-                "study.toml:4  model.name",
-                '"summ"',
-                'a model of this server; did you mean "sum"? known: sum, idle',
-            ),
-            (
-                [('name = "sum"', "")],
-                "study.toml:2  model.name",
-                "nothing",
-                "a model of this server; known: sum, idle",
-            ),
-            (
-                [('name = "sum"', 'name = "idle"')],
-                "study.toml:3  model.umbridge",
-                '"idle", which does not support Evaluate',
-                "a model that can run",
-            ),
-            (
-                [('c = "degC"\n', ""), ('c = "20 degC"\n', "")],
-                "study.toml:5  model.inputs",
-                "2 inputs",
-                'as many as "sum" takes numbers: 3 (2 + 1)',
-            ),
-            (
-                [('z = "mm"\n', 'z = "mm"\nw = "1"\n')],
-                "study.toml:9  model.outputs",
-                "3 outputs",
-                'as many as "sum" gives numbers: 2 (1 + 1)',
-            ),
-            (
-                [('name = "sum"', 'name = "sum"\ntime_limit = 10')],
-                "study.toml:5  model.time_limit",
-                '"10", a number without a unit',
-                'a time, such as "10 s"',
-            ),
-            (
-                [('name = "sum"', 'name = "sum"\ntime_limit = "0 s"')],
-                "study.toml:5  model.time_limit",
-                '"0 s"',
-                'a time such as "10 s" or "5 min"',
-            ),
-            (
-                [('name = "sum"', "name = 'sum'\nconfig = { at = 2020-01-01 }")],
-                "study.toml:5  model.config.at",
-                "2020-01-01",
-                "a text, a number, true or false, or lists or tables of them",
-            ),
-            (
-                [('name = "sum"', "name = 'sum'\nconfig = { at = { in = [1, inf] } }")],
-                "study.toml:5  model.config.at",
-                "inf",
-                "a text, a number, true or false, or lists or tables of them",
-            ),
-            (
-                [('name = "sum"', 'name = "sum"\nnmae = "sum"')],
-                "study.toml:5  model.nmae",
-                "an unknown key",
-                'did you mean "name"? known: umbridge, name, time_limit, config, inputs, outputs, '
-                "dimensions",
-            ),
-        ],
-    )
+    @pytest.mark.parametrize(("changes", "where", "found", "expected"), MISTAKES)
     def test_in_a_study(self, address, changes, where, found, expected):
-        with pytest.raises(StudyError) as refused:
-            study(address, 'name = "sum"', *changes)
-        block = f"  {where}\n    found     {found}\n    expected  {expected}"
-        assert str(refused.value) == f"study.toml: 1 mistake; nothing was run\n\n{block}"
+        with pytest.raises(StudyError) as caught:
+            study(address, NAME, *changes)
+        block = f"  study.toml:{where}\n    found     {found}\n    expected  {expected}"
+        assert str(caught.value) == f"study.toml: 1 mistake; nothing was run\n\n{block}"
 
     @pytest.mark.parametrize(
         "address",
@@ -398,29 +368,20 @@ class TestMistakes:
         ],
     )
     def test_what_is_no_address(self, address):
-        with pytest.raises(StudyError) as refused:
-            study(address)
-        (problem,) = refused.value.problems
+        problem = refused(address)
         assert (problem.found, problem.expected) == (f'"{address}"', ADDRESS)
 
     def test_where_nobody_listens(self):
         with socket.create_server(("127.0.0.1", 0)) as listening:
             address = f"http://127.0.0.1:{listening.getsockname()[1]}"
-        with pytest.raises(StudyError) as refused:
-            study(address)
-        (problem,) = refused.value.problems
+        problem = refused(address)
         assert problem.found == f'"{address}": {LOST}'
         assert problem.expected == "a UM-Bridge server that responds"
 
     def test_a_server_that_never_finishes_an_answer_holds_no_check(self, monkeypatch):
         monkeypatch.setattr(umbridge_section, "_PATIENCE", 0.5)
-        start, drop, end = DRIPS["content"]
-        with (
-            dripping(start=start, drop=drop, end=end) as address,
-            pytest.raises(StudyError) as refused,
-        ):
-            study(address)
-        (problem,) = refused.value.problems
+        with answering(drip=DRIPS["content"]) as address:
+            problem = refused(address)
         assert problem.found == f'"{address}": took longer than 0.5 s'
 
     @pytest.mark.parametrize(
@@ -450,9 +411,8 @@ class TestMistakes:
         ],
     )
     def test_with_a_server(self, answers, found, expected):
-        with answering(*answers) as address, pytest.raises(StudyError) as refused:
-            study(address, "")
-        (problem,) = refused.value.problems
+        with answering(*answers) as address:
+            problem = refused(address, "")
         assert (problem.found, problem.expected) == (found.format(address), expected)
 
 

@@ -58,17 +58,8 @@ def test_its_contract_is_kept(folder):
 def test_settings_defaults_and_conditions_are_those_of_the_class(folder):
     study = uqpen.parse_study(STUDY, folder=folder)
     linear = 10 * 9.81 / 2000
-    results = study.model.evaluate(
-        {
-            name: np.array([value])
-            for name, value in {
-                "mass": 10.0,
-                "stiffness": 2000.0,
-                "gravity": 9.81,
-                "travel": 0.1,
-            }.items()
-        }
-    )
+    point = {"mass": 10.0, "stiffness": 2000.0, "gravity": 9.81, "travel": 0.1}
+    results = study.model.evaluate({name: np.array([value]) for name, value in point.items()})
     assert results.outputs["deflection"][0] == linear / (1 + 1.5 * linear / 0.1)
     tree = uqpen.run(study)
     assert float(tree["runs/some"]["gravity"]) == 9.81
@@ -131,9 +122,8 @@ class TestArchive:
             "surrogates": f"not checked: they follow from models that are not loaded ({named})",
         }
         study = archived_study(uqpen.open_archive(archive), archive.parent, trust=False)
-        assert [each.name for each in study.model.inputs] == [
-            "mass", "stiffness", "gravity", "travel",
-        ]  # fmt: skip
+        names = [each.name for each in study.model.inputs]
+        assert names == ["mass", "stiffness", "gravity", "travel"]
         with pytest.raises(ModelError, match=r"my_model.py:Spring is not loaded"):
             study.model.evaluate({})
 

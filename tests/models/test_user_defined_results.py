@@ -69,9 +69,8 @@ def test_a_wrong_shape_costs_the_runs_that_have_it():
     results = answering(evaluate).evaluate(RUNS)
     assert results.status.tolist() == [Status.OK, Status.OK, Status.FAILED]
     assert results.outputs["curve"].shape == (3, 3)
-    assert results.reasons == {
-        2: 'returned a "curve" of shape (1, 2), not (1, 3) along (run, place)'
-    }
+    reason = 'returned a "curve" of shape (1, 2), not (1, 3) along (run, place)'
+    assert results.reasons == {2: reason}
 
 
 @pytest.mark.parametrize(
@@ -110,9 +109,8 @@ def test_an_exit_of_its_own_ends_no_study(error, method, monkeypatch):
     model = UserDefinedModel(type("Leaving", (Bar,), {method: leave})(), "own")
     named = type(error).__name__
     if method == "evaluate":
-        assert {reason.partition(":")[0] for reason in model.evaluate(RUNS).reasons.values()} == {
-            named
-        }
+        reasons = model.evaluate(RUNS).reasons.values()
+        assert {reason.partition(":")[0] for reason in reasons} == {named}
         return
     with pytest.raises(ModelError, match=f"own: {method} failed: {named}"):
         list(model.conditions(RUNS)) if method == "conditions" else model.prepare()
@@ -187,10 +185,9 @@ def test_without_trust_the_fields_of_an_archive_are_data(tmp_path):
         designs={"some": {"kind": "monte-carlo", "runs": 20}},
     )
     uqpen.write(uqpen.run(uqpen.parse_study(text, folder=tmp_path)), tmp_path / "a.nc")
-    checks = {check.name: check for check in uqpen.verify(tmp_path / "a.nc")}
-    assert "they execute code" in checks["runs"].text
-    assert checks["statistics"].verdict.name == "EQUAL"
-    (with_trust,) = [
-        each for each in uqpen.verify(tmp_path / "a.nc", trust=True) if each.name == "runs"
-    ]
-    assert with_trust.verdict.name == "EQUAL"
+    without, with_trust = (
+        {check.name: check for check in uqpen.verify(tmp_path / "a.nc", trust=trust)}
+        for trust in (False, True)
+    )
+    assert "they execute code" in without["runs"].text
+    assert without["statistics"].verdict.name == with_trust["runs"].verdict.name == "EQUAL"

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from nominal_rod import COURSE, KNOWN_POINTS, ROD
 from scipy.integrate import cumulative_simpson
 
 from uqpen.core.errors import SettingsError
@@ -18,18 +19,6 @@ from uqpen.testing import check_model
 
 DATA = Path(__file__).parents[1] / "data"
 
-ROD = {
-    "projectile_density": 17_500.0,
-    "projectile_yield_limit": 1.65e9,
-    "projectile_length": 0.16,
-    "impact_velocity": 1400.0,
-    "projectile_sound_speed": 3071.0,
-    "target_density": 2500.0,
-    "target_yield_limit": 400e6,
-    "plasticity_radius": 0.1,
-    "crater_radius": 0.017,
-    "smoothing": 0.0,
-}
 # Erodes and then goes on as a rigid body; erodes to a standstill; is rigid throughout.
 CASES = {
     "breakdown": ROD,
@@ -68,20 +57,12 @@ def test_curves_are_those_of_one_rod_followed_carefully(case):
 
 
 def test_known_values_of_the_nominal_rod():
-    # Depth in m: time in µs, u and v in m/s, L and s in mm, from Taylor series of high order.
-    known = {
-        0.050: (46.067, 1020.611, 1367.958, 146.2320, 2.80922),
-        0.200: (200.200, 920.739, 1228.831, 95.3474, 2.76201),
-        0.400: (456.296, 583.986, 734.381, 32.6935, 2.12576),
-    }
     model = WalkerAndersonTrajectory(along="depth", depth_limit="0.4 m", depths=9)
     found = Evaluator(model)(inputs(ROD)).outputs
     depths = np.array(model.output("time_at_depth").dims[0].values)
-    units = {"time": 1e6, "nose_velocity": 1, "tail_velocity": 1, "length": 1e3}
-    units["plastic_extent"] = 1e3
-    for depth, values in known.items():
+    for depth, values in KNOWN_POINTS.items():
         at = int(np.argmin(np.abs(depths - depth)))
-        own = [found[f"{name}_at_depth"][0, at] * factor for name, factor in units.items()]
+        own = [found[f"{name}_at_depth"][0, at] for name in COURSE]
         # The values have five digits at least.
         assert own == pytest.approx(values, rel=1.1e-5), depth
 

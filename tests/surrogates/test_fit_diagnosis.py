@@ -97,11 +97,8 @@ def test_archive_json_and_table_tell_the_q2_of_the_constant_that_is_kept(study_o
 
 
 def test_an_error_that_the_runs_cannot_tell_is_no_q2():
-    runs = evaluate(
-        Evaluator(Line(), ()),
-        xr.Dataset({"a": (RUN, np.linspace(0, 1, 12)), "b": (RUN, np.linspace(0, 1, 12) ** 2)}),
-        {},
-    )
+    a = np.linspace(0, 1, 12)
+    runs = evaluate(Evaluator(Line(), ()), xr.Dataset({"a": (RUN, a), "b": (RUN, a**2)}), {})
     fit = PolynomialChaos(design="training", order=1).fit("pce", runs, Line(), PAIR, Stream(1, "s"))
     unknown = dataclasses.replace(fit.expansions["y"], cross_validation=math.inf)
     assert math.isnan(unknown.q2)

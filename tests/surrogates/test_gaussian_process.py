@@ -87,17 +87,14 @@ def test_the_gradient_is_that_of_differences(smoothness, is_linear):
     at = np.log([*PARAMETERS.lengths, PARAMETERS.nugget])
 
     def loss(logarithms):
-        return negative_log_likelihood(
-            data, Parameters(np.exp(logarithms[:-1]), np.exp(logarithms[-1]))
-        )[0]
+        *lengths, nugget = np.exp(logarithms)
+        return negative_log_likelihood(data, Parameters(np.array(lengths), nugget))[0]
 
     step = 1e-5
-    differences = [
-        (loss(at + step * unit) - loss(at - step * unit)) / (2 * step) for unit in np.eye(len(at))
-    ]
-    assert negative_log_likelihood(data, PARAMETERS)[1] == pytest.approx(
-        differences, rel=1e-5, abs=1e-6
-    )
+    steps = step * np.eye(len(at))
+    differences = [(loss(at + each) - loss(at - each)) / (2 * step) for each in steps]
+    found = negative_log_likelihood(data, PARAMETERS)[1]
+    assert found == pytest.approx(differences, rel=1e-5, abs=1e-6)
 
 
 def test_errors_at_runs_left_out_are_those_without_the_run():

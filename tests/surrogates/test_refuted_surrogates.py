@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import pytest
@@ -98,47 +99,27 @@ class Root(OutputSurrogate):
         return RootFit(float(points[:, 0].min()))
 
 
-LEAST_SQUARES = {"method": "least-squares", "order": 6}
-LOG = {"transform": {"y": "log"}}
+LOG = {"y": "log"}
+LEAST_SQUARES = partial(uqpen.PolynomialChaos, method="least-squares", order=6)
 CASES = {
-    "beyond the training runs": (
-        two_stages,
-        "many",
-        lambda check: uqpen.PolynomialChaos("few", check=check, **LOG),
-    ),
-    "overfit": (
-        waves,
-        None,
-        lambda check: uqpen.PolynomialChaos("few", check=check, **LEAST_SQUARES),
-    ),
-    "jump": (
-        jump,
-        "many",
-        lambda check: uqpen.PolynomialChaos("few", check=check, **LEAST_SQUARES),
-    ),
-    "resonance": (
-        resonance,
-        "many",
-        lambda check: uqpen.PolynomialChaos("few", check=check, **LEAST_SQUARES),
-    ),
-    "wrong transform": (
-        dip,
-        None,
-        lambda check: uqpen.PolynomialChaos("few", check=check, **LEAST_SQUARES, **LOG),
-    ),
-    "wrong length": (waves, "many", lambda check: LongLength(design="few", check=check)),
-    "not finite": (waves, "many", lambda check: Root(design="few", check=check)),
+    "beyond the training runs": (two_stages, "many", partial(uqpen.PolynomialChaos, transform=LOG)),
+    "overfit": (waves, None, LEAST_SQUARES),
+    "jump": (jump, "many", LEAST_SQUARES),
+    "resonance": (resonance, "many", LEAST_SQUARES),
+    "wrong transform": (dip, None, partial(LEAST_SQUARES, transform=LOG)),
+    "wrong length": (waves, "many", LongLength),
+    "not finite": (waves, "many", Root),
 }
 
 
 def study_of(name):
-    model, check, made = CASES[name]
+    model, check, surrogate = CASES[name]
     return uqpen.Study(
         model=model,
         inputs={"a": uqpen.Normal(0, 1), "b": uqpen.Normal(0, 1)},
         outputs={"y": uqpen.OutputSpec(exceeds=["0.5"])},
         designs={"few": uqpen.LatinHypercube(runs=30), "many": uqpen.MonteCarlo(runs=200)},
-        surrogates={"cheap": made(check)},
+        surrogates={"cheap": surrogate(design="few", check=check)},
         seed=3,
     )
 
