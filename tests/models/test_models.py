@@ -110,6 +110,7 @@ def test_a_young_modulus_stands_for_the_sound_speed():
     np.testing.assert_allclose(by_modulus, by_speed, rtol=1e-14)
 
 
+@pytest.mark.processor
 @pytest.mark.parametrize(
     ("smoothing", "depth", "residue"),
     [(0.0, 0.4615719, 0.02327912), (0.5, 0.4664426, 0.02471702), (1.0, 0.4755823, 0.02726010)],
