@@ -363,8 +363,8 @@ class _Part:
 def _parts(sample: FieldSample) -> Iterator[_Part]:
     """Yield the places of a field, a few at a time."""
     # Squares of values over their range do not overflow.
-    highest = np.fmax.reduce(sample.matrix, axis=None)
-    unit = float(highest - np.fmin.reduce(sample.matrix, axis=None)) or 1.0
+    values = sample.matrix[np.isfinite(sample.matrix)]
+    unit = float(np.ptp(values)) if values.size else 0.0
     whole = LocalRegressions(sample.runs) if sample.exists.all() else None
     for group in sample.samples():
         regressions = whole or LocalRegressions(group.runs)
@@ -376,7 +376,7 @@ def _parts(sample: FieldSample) -> Iterator[_Part]:
             variable = SampledVariable(replace(group.runs, values=values))
             weights = np.zeros(len(places))
             if not variable.too_few_runs:
-                weights = sample.weights[places] * (variable.shape.std / unit) ** 2
+                weights = sample.weights[places] * (variable.shape.std / (unit or 1.0)) ** 2
             yield _Part(places, runs, regressions, variable, weights)
 
 
