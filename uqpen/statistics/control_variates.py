@@ -28,7 +28,7 @@ from uqpen.designs.multifidelity import LinearEstimator
 from uqpen.execution import worst_status_runs
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
-from uqpen.statistics.intervals import bonett_price, equivalent_runs, student_quantile
+from uqpen.statistics.intervals import bonett_price, equivalent_runs, mean_half_width
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import ENOUGH_RUNS_FOR_MEANS
 from uqpen.statistics.standard_errors import Margins, extreme_margins
@@ -107,7 +107,7 @@ class LinearEstimate:
 
     def margins(self, level: float) -> Margins:
         """Return the distances of both ends of the interval from the mean."""
-        half = np.asarray(student_quantile(self.freedom, level) * self.error)
+        half = mean_half_width(self.error, self.freedom, level)
         return Margins(half, half).plus(self.allowance)
 
 

@@ -22,6 +22,11 @@ def student_quantile(freedom: float, level: float) -> float:
     return math.nan if freedom < 1 else float(scipy.special.stdtrit(freedom, 0.5 + level / 2))
 
 
+def mean_half_width(error: npt.ArrayLike, freedom: float, level: float) -> FloatArray:
+    """Half-width of a mean's interval, from its standard error, for every kind of source."""
+    return np.asarray(student_quantile(freedom, level) * np.asarray(error))
+
+
 def student_interval(
     value: float | FloatArray,
     error: npt.ArrayLike,

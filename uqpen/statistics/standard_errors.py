@@ -14,6 +14,7 @@ from uqpen.statistics.intervals import (
     additive_residual_error,
     error_of_sums,
     group_sums,
+    mean_half_width,
     student_quantile,
 )
 from uqpen.statistics.sample import Column, ErrorModel, Sample, Tally
@@ -250,7 +251,7 @@ def student_margins(sample: Sample, influence: Column, extremes: Margins | None 
     The furthest replicate, or what is given, moves an end out if it is further.
     """
     error, freedom = standard_error(sample, influence)
-    half = student_quantile(freedom, sample.level) * error
+    half = mean_half_width(error, freedom, sample.level)
     found, none = Margins(half, half), Margins.zero(influence.shape[:-1])
     skew = furthest = none
     if sample.error_model is ErrorModel.REPLICATED:

@@ -13,7 +13,7 @@ from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import PERCENT, PROBABILITY
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
-from uqpen.statistics.intervals import ratio_error, student_quantile
+from uqpen.statistics.intervals import mean_half_width, ratio_error
 from uqpen.statistics.sample import (
     DOUBTFUL_KURTOSIS,
     ENOUGH_RUNS_FOR_MEANS,
@@ -67,7 +67,7 @@ class CorrectedMean:
 
     def half_width(self, level: float) -> float:
         """Half of the width of Student's t interval; the weight costs a degree of freedom."""
-        return student_quantile(len(self.influence) - 2, level) * self.error
+        return float(mean_half_width(self.error, len(self.influence) - 2, level))
 
     def missing_margin(self, runs: CorrectionRuns) -> float:
         """Distance that the missing runs may move the estimate, were each as far off as any run."""
