@@ -309,7 +309,6 @@ def quantile_chart(curve: CurveEstimates) -> Iterator[Chart]:
 
 
 def _quantiles(curve: CurveEstimates) -> list[tuple[str, str, FloatArray]]:
-    """Return the label, the dashes and the bounds of each quantile."""
     return [
         (quantile_label(p), _DASHES[0 if p == _MEDIAN else 1 + n % (len(_DASHES) - 1)], bounds)
         for n, (p, bounds) in enumerate(curve.entries("quantile").items())
@@ -754,6 +753,5 @@ def _drawn(curve: CurveEstimates, values: FloatArray) -> FloatArray:
 
 
 def _level_text(array: xr.DataArray | None) -> str:
-    """Return the confidence level of a statistic's intervals."""
     level = None if array is None else array.attrs.get(INTERVAL_LEVEL)
     return "" if level is None else percent_text(float(level))

@@ -253,7 +253,6 @@ def _width_chart(
 
 
 def _half_width_text(half: float) -> str:
-    """Return the half-width of an interval in two digits."""
     power = math.floor(math.log10(half))
     return f"{half:.{max(0, 1 - power)}f}" if -5 <= power < 6 else f"{half:.1e}"
 
@@ -279,7 +278,6 @@ def _cost_table(
 
 
 def _runs(view: ArchiveView, source: str, table: OutputTable) -> str:
-    """The runs of a source, and the number of those in the sample."""
     spent = runs_spent(view.tree, source) or 0
     sampled = spent
     if source in view.designs:

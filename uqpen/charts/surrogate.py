@@ -110,7 +110,6 @@ def _predict(made: xr.DataTree, name: str, runs: xr.Dataset, output: str) -> np.
 
 
 def _fit_quality(made: xr.DataTree, output: str) -> str:
-    """Return the quality of the fit, as the surrogate's table has it."""
     attributes = fit_diagnostics(made, output)
     refuted = ", refuted" * (REFUTED in attributes)
     for of, key in (("check runs", "check_q2_of_output"), ("runs left out", "q2")):
