@@ -201,8 +201,6 @@ def benchmark_statistics(
                 yield BenchmarkStatistic(quantity, name, *along)
 
 
-# The methods.
-
 # Runs for the methods of a benchmark: the study's model at its inputs, as in the study itself.
 
 # Numbers of runs to measure the duration of one: for a vectorized model, and for another.

@@ -51,8 +51,6 @@ from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.intervals import student_quantile
 
 # Accuracy of methods: errors, rates, and which method leads.
-
-
 #
 # All formulas use logarithms of root mean square errors, because methods differ by factors. The
 # errors of estimates are usually far from normal, so their squares do not follow a chi-square

@@ -185,7 +185,6 @@ def _has_bounds(array: xr.DataArray | None) -> bool:
 
 
 def _reason(array: xr.DataArray) -> str:
-    """Return the first reason why a statistic has no bounds at a place."""
     notes = array.coords[NOTE].values.ravel().tolist() if NOTE in array.coords else []
     return plain_text(next(filter(None, map(str, notes)), "no reason is known"), _LONGEST_REASON)
 

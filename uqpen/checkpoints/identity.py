@@ -227,6 +227,9 @@ def _checksum(fingerprint: Mapping[str, str]) -> str:
     return hashlib.sha256(json.dumps(fingerprint).encode()).hexdigest()
 
 
+# Changes in words.
+
+
 class Change(NamedTuple):
     """Changed entry of a fingerprint: its key, and a text for display."""
 

@@ -1,6 +1,7 @@
-"""Labels of data: dimensions, groups, attributes and the statuses of a run.
+"""Labels of data: names of dimensions, groups and attributes.
 
-Every name in an archive stands here once, so that writers and readers agree.
+Every name in an archive stands here once, so that writers and readers agree. Archives that exist
+have these texts, so none of them is changed.
 """
 
 from __future__ import annotations
@@ -91,7 +92,7 @@ NOTE = "note"
 SURROGATE_ESTIMATE = "surrogate_estimate"
 EQUIVALENT_RUNS = "equivalent_runs"
 # Of a band over the places of a field: the places that it leaves out, and why.
-LEFT_OUT = "left_out"
+LEFT_OUT_PLACES = "left_out"
 # Of all intervals, at the root of an archive whose study states another than the default.
 CONFIDENCE_LEVEL = "confidence_level"
 

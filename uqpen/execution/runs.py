@@ -34,8 +34,6 @@ from uqpen.core.variables import field_coordinates
 if TYPE_CHECKING:
     import xarray as xr
 
-# Runs as datasets: joined, compared, counted.
-
 
 def worst_status_runs(runs: Sequence[xr.Dataset]) -> xr.Dataset:
     """Return the runs of the first of several models, failed where the run of any model failed.

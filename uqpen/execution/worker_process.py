@@ -55,9 +55,6 @@ class ImportSignal(importlib.abc.MetaPathFinder):
             self._send()
 
 
-# Limit on the memory of this process during a run.
-
-
 # The role of this process: whether another process can end it.
 
 _is_child_process = False

@@ -11,8 +11,6 @@ from uqpen.core.model import Category, Output
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.core.variables import DerivedOutput, Reduction
 
-# Dimensions of a field in words, and the coordinate of a curve as the number of a run.
-
 
 def along(field: Output) -> str:
     """Return the names of the dimensions of a field.
@@ -35,8 +33,6 @@ class CoordinateReduction(Reduction):
     def display_unit(self, field: Output) -> str:
         return field.dims[0].preferred_unit
 
-
-# Derived outputs of a reduction: its number, and whether a run has one at all.
 
 # Behind the name of an output that some runs may lack: the name of its companion.
 _OCCURS = "_occurs"

@@ -16,7 +16,7 @@ from uqpen.archive.read import read_group
 from uqpen.core.arrays import FloatArray, IntArray, evenly_spread
 from uqpen.core.catalogue import CATALOGUE, MEAN, QUANTILE, STD
 from uqpen.core.errors import QuantityError, UnknownNameError, toml_text
-from uqpen.core.labels import BOUND, DERIVED_FROM, LEFT_OUT, RUNS
+from uqpen.core.labels import BOUND, DERIVED_FROM, LEFT_OUT_PLACES, RUNS
 from uqpen.core.lookup import choices
 from uqpen.core.quantities import parse_quantity
 from uqpen.core.units import scale
@@ -295,7 +295,7 @@ class CurveEstimates:
     def left_out(self, statistic: str) -> str:
         """Return the places that a band leaves out, and why; empty for none."""
         found = self.array(statistic)
-        return "" if found is None else str(found.attrs.get(LEFT_OUT, ""))
+        return "" if found is None else str(found.attrs.get(LEFT_OUT_PLACES, ""))
 
 
 # An archive cut down to one output, and to places of it where that is a field.

@@ -164,6 +164,9 @@ def read_partial_model(table: TableReader, mentioned: PartialModel) -> PartialMo
     return PartialModel(title, inputs or mentioned.inputs, outputs or mentioned.outputs)
 
 
+# A Python function as a model.
+
+
 @dataclass(frozen=True)
 class _FunctionSettings:
     """Settings of a Python function as a model."""
@@ -343,6 +346,9 @@ def _text(variable: Variable) -> str:
     return f"{type(variable).__name__}({variable.name!r}, {variable.unit!r})"
 
 
+# Classes and objects of the user as models.
+
+
 def read_model_class(table: TableReader) -> Model | None:
     """Read a model whose class is not built in; None where a mistake was noted.
 
@@ -428,6 +434,9 @@ def read_object(table: TableReader) -> Model | None:
             return None
     declared = (name, inputs, outputs, units, settings.vectorized, None, limits, source, fields)
     return PythonFunction(function, *declared, observed=observed)
+
+
+# Several models at the same points.
 
 
 @dataclass(frozen=True, eq=False)

@@ -115,6 +115,9 @@ _COORDINATES = f"either from, to and size, or values, or file, or {_FROM_MODEL}"
 _NO_CODE = "values or a file: only a Python function of a file or a module can be asked"
 
 
+# Dimensions, whose coordinates are given, in a file, or asked of a model.
+
+
 def _read_unit(written: object, context: Context) -> Any:
     if isinstance(written, str):
         si_unit(written)
@@ -430,6 +433,9 @@ def _check_dimensions(
             elif known.setdefault(name, dimension) != dimension:
                 found = f'other coordinates of "{name}" than above'
                 section.add_problem(path, found, "the same in all outputs along it")
+
+
+# Inputs and outputs of a model.
 
 
 class Variables(NamedTuple):

@@ -13,7 +13,7 @@ import xarray as xr
 from scipy import special
 
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
-from uqpen.core.labels import BAND_CONTENT, INTERVAL_LEVEL, LEFT_OUT
+from uqpen.core.labels import BAND_CONTENT, INTERVAL_LEVEL, LEFT_OUT_PLACES
 from uqpen.core.model import Dimension
 from uqpen.core.streams import Stream
 from uqpen.core.units import DIMENSIONLESS, scale
@@ -81,7 +81,7 @@ class BandPlaces:
             )
             for reason, places in by_reason.items()
         )
-        return {LEFT_OUT: text} if text else {}
+        return {LEFT_OUT_PLACES: text} if text else {}
 
 
 def reason_without_band(runs: Sample) -> str:
@@ -418,8 +418,6 @@ def _band(
 
 # Tolerance bands: bands that hold a share of all curves as a whole, with confidence.
 
-
-# The shape of a tolerance band: its median curve, and how far it goes to either side of it.
 
 # The band of multiple 1 goes from the second of these quantiles to the last but one. With 0.05 and
 # 0.95, bands of skewed curves are wider; with the extremes, those of heavy tails at many runs.
