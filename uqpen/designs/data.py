@@ -1,4 +1,4 @@
-"""Points of runs that a data file contains."""
+"""Points from a file: those of a table, and those of runs that a data file contains."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Quantiles of an output."""
+"""Quantiles of an output, and the mean of an output beyond a quantile."""
 
 from __future__ import annotations
 
