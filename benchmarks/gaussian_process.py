@@ -1,6 +1,6 @@
 """How well Gaussian processes predict, and how often their 95 % intervals hold fresh points.
 
-Run it as ``python benchmarks/gaussian_process.py --markdown docs/statistics.md``, with uqpen
+Run it as ``python benchmarks/gaussian_process.py --markdown docs/surrogates.md``, with uqpen
 installed. The inputs are uniform. Each row is of several Latin hypercubes and 2 000 fresh points,
 and has medians over the hypercubes. It fails if a function is fitted worse than by the best of the
 29 emulators that Rumsey, Gibson, Francom & Morris (2025, arXiv 2512.09060) have compared, or if the
