@@ -2,6 +2,8 @@
 
 import math
 import re
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -227,3 +229,16 @@ def test_a_unit_that_is_far_too_long_is_refused():
 def test_an_integer_with_too_many_digits_is_refused():
     with pytest.raises(QuantityError, match="found a whole number of over 4000 digits"):
         parse_quantity(16**5000, "m")
+
+
+def test_units_are_known_whatever_the_locale_of_the_program():
+    """A program of graphs or documents takes the user's locale before it imports uqpen."""
+    program = (
+        "import locale; locale.setlocale(locale.LC_ALL, 'C.UTF-8')\n"
+        "from uqpen.core.units import si_unit; assert si_unit('g cm-3') == 'kg m-3'\n"
+        "assert locale.setlocale(locale.LC_NUMERIC) == 'C.UTF-8'"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    if "unsupported locale" in done.stderr and "cf_units" not in done.stderr:
+        pytest.skip("C.UTF-8 is no locale of this machine")
+    assert done.returncode == 0, done.stderr

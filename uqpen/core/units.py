@@ -7,6 +7,7 @@ it back.
 from __future__ import annotations
 
 import functools
+import locale
 import math
 import re
 from dataclasses import dataclass
@@ -169,12 +170,26 @@ def _unit(text: str) -> Any:
 
 def _known_unit(plain: str) -> Any:
     """Make the object of the units library, or return None if the text is no unit."""
-    import cf_units  # here, as not every command needs it
-
     try:
-        return cf_units.Unit(plain) if _is_product_of_names(plain) else None
+        return _cf_units().Unit(plain) if _is_product_of_names(plain) else None
     except ValueError:
         return None
+
+
+@functools.cache
+def _cf_units() -> Any:
+    """Import the units library, which not every command needs.
+
+    While it is imported it restores the locale by the name that Python gives it, and the one of
+    C.UTF-8 need not exist.
+    """
+    usual = locale.setlocale(locale.LC_NUMERIC)
+    try:
+        locale.setlocale(locale.LC_NUMERIC, "C")
+        import cf_units
+    finally:
+        locale.setlocale(locale.LC_NUMERIC, usual)
+    return cf_units
 
 
 def _usual_spelling(name: re.Match[str]) -> str:
