@@ -12,6 +12,7 @@ import uqpen
 
 sys.path.insert(0, str(Path(__file__).parent))
 
+import gallery
 import reference_pages
 
 project = "uqpen"
@@ -34,3 +35,4 @@ html_copy_source = False
 html_show_sourcelink = False
 
 reference_pages.write(Path(__file__).parent / "reference")
+gallery.write(Path(__file__).parent / "reference" / "gallery")
