@@ -19,8 +19,10 @@ project = "uqpen"
 version = release = uqpen.__version__
 extensions = ["myst_nb", "sphinx.ext.autodoc", "numpydoc", "sphinx_copybutton"]
 source_suffix = {".md": "myst-nb", ".rst": "restructuredtext"}
-# Blocks of code are run by the tests (tests/test_documentation.py), not by the build.
-nb_execution_mode = "off"
+# One page is a notebook and executed. Blocks of code on other pages are run by the tests
+# (tests/test_documentation.py), not by the build.
+nb_execution_mode = "force"
+nb_execution_raise_on_error = True
 # Links to a heading have the form that GitHub gives them.
 myst_heading_anchors = 4
 
