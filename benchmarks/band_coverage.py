@@ -1,9 +1,9 @@
 """How often simultaneous bands cover a whole curve, and tolerance bands hold their share.
 
-A table of docs/coverage.md as `seed_table.py` makes it. A band of the mean or of a quantile covers
-where the true curve lies inside at all places that the band has. A tolerance band covers where it
-holds its content of all curves. True curves are from half a million points of a Sobol' sequence,
-contents from eight thousand. A cell fails below 92 %.
+A table of docs/coverage/fields.md as `seed_table.py` makes it. A band of the mean or of a quantile
+covers where the true curve lies inside at all places that the band has. A tolerance band covers
+where it holds its content of all curves. True curves are from half a million points of a Sobol'
+sequence, contents from eight thousand. A cell fails below 92 %.
 
 Curves that few runs decide at most places have a second figure: the share of places that the band
 has. That of a tolerance band is the height of the highest one of all seeds, over the range of 95 %

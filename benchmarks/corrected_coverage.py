@@ -1,7 +1,7 @@
 """How often the corrected estimates of surrogates cover, and how wide they are.
 
-A table of docs/coverage.md as `seed_table.py` makes it. A width is over that of the plain
-interval of the same runs: of the mean, the standard deviation, half the 16 % to 84 % range,
+A table of docs/coverage/surrogates.md as `seed_table.py` makes it. A width is over that of the
+plain interval of the same runs: of the mean, the standard deviation, half the 16 % to 84 % range,
 quantiles, probabilities and first-order indices. An interval is that of the runs alone where the
 program takes it; how many are wider than these stands below the tables.
 

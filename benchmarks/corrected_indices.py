@@ -1,10 +1,10 @@
 """How often the corrected indices of surrogates cover where draws stand in for terms.
 
-A table of docs/coverage.md as `seed_table.py` makes it. Each seed is a whole study of independent
-runs with a sparse polynomial chaos of an order fixed beforehand. Some studies have inadmissible
-draws, some dependent inputs; a depth is fitted as its logarithm. So draws stand in for terms in all
-of them. True indices are from pairs of draws of the model. A cell fails if its intervals cover in
-less than 92 %.
+A table of docs/coverage/surrogates.md as `seed_table.py` makes it. Each seed is a whole study of
+independent runs with a sparse polynomial chaos of an order fixed beforehand. Some studies have
+inadmissible draws, some dependent inputs; a depth is fitted as its logarithm. So draws stand in for
+terms in all of them. True indices are from pairs of draws of the model. A cell fails if its
+intervals cover in less than 92 %.
 """
 
 from __future__ import annotations

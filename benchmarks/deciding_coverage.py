@@ -1,8 +1,8 @@
 """How often intervals cover and answers are right where a design ends by itself, in whole studies.
 
-Run it as ``python benchmarks/deciding_coverage.py --markdown docs/coverage.md``, with uqpen
-installed. The runs of a seed are drawn from a pool of exact runs of a model, whose statistics are
-the true values. The looks, the estimates, the intervals and the test are those of the package.
+Run it as ``python benchmarks/deciding_coverage.py --markdown docs/coverage/stopping.md``, with
+uqpen installed. The runs of a seed are drawn from a pool of exact runs of a model, whose statistics
+are the true values. The looks, the estimates, the intervals and the test are those of the package.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """How well 300 runs of the concrete study's rod give its mean depth and its mean residue.
 
-A table of docs/coverage.md as `seed_table.py` makes it. Each
+A table of docs/coverage/surrogates.md as `seed_table.py` makes it. Each
 seed is a design of 300 runs, to which each kind of surrogate is fitted in five folds. True means
 are from a million points of a Sobol' sequence.
 """

@@ -1,8 +1,8 @@
 """How often the intervals of Sobol' indices cover along Campbell's curve, and of it as a whole.
 
-A table of docs/coverage.md as `seed_table.py` makes it. The curve has nineteen angles, ten degrees
-apart. Five hundred seeds tell a coverage of 95 % to one point. A cell fails if an input's index of
-the whole curve covers in less than 92 %.
+A table of docs/coverage/fields.md as `seed_table.py` makes it. The curve has nineteen angles, ten
+degrees apart. Five hundred seeds tell a coverage of 95 % to one point. A cell fails if an input's
+index of the whole curve covers in less than 92 %.
 """
 
 from __future__ import annotations

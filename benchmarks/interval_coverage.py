@@ -1,10 +1,10 @@
 """How often every interval covers, over many seeds; the reason for each label that one carries.
 
-Tables of docs/coverage.md as `seed_table.py` makes them. It goes the way a study goes, from drawn
-points over the model's runs to the analyses, on functions whose statistics are known: exactly, or
-from four million scrambled Sobol' points. Thousand seeds tell a coverage of 95 % to 0.7 points. A
-cell fails if an interval called nominal covers in less than 92 % or more than 98 % of the seeds, or
-if any other covers in less than 92 %; intervals that warn of their tail are listed apart.
+Tables of docs/coverage/samples.md as `seed_table.py` makes them. It goes the way a study goes, from
+drawn points over the model's runs to the analyses, on functions whose statistics are known:
+exactly, or from four million scrambled Sobol' points. Thousand seeds tell a coverage of 95 % to 0.7
+points. A cell fails if an interval called nominal covers in less than 92 % or more than 98 % of the
+seeds, or if any other covers in less than 92 %; intervals that warn of their tail are listed apart.
 ``--statistics`` makes a part of it.
 """
 

@@ -1,7 +1,7 @@
 """Coverage and width of first-order indices from many runs, whose bins grow with these.
 
-A table of docs/coverage.md as `seed_table.py` makes it: independent draws of functions whose
-indices are known. Beside each figure stands that with bins of 16 runs.
+A table of docs/coverage/many_runs.md as `seed_table.py` makes it: independent draws of functions
+whose indices are known. Beside each figure stands that with bins of 16 runs.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """How often intervals of a multifidelity design cover, and how narrow they are at equal cost.
 
-A table of docs/coverage.md as `seed_table.py` makes it. Beside each interval stands that of plain
-Monte Carlo with as many runs of the model as the budget pays. True values are exact, or those of a
-Sobol' sequence. A cell fails below 92 %.
+A table of docs/coverage/surrogates.md as `seed_table.py` makes it. Beside each interval stands that
+of plain Monte Carlo with as many runs of the model as the budget pays. True values are exact, or
+those of a Sobol' sequence. A cell fails below 92 %.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """What refined designs bring: coverage and width of corrected estimates, beside plain draws.
 
-A table of docs/coverage.md as `seed_table.py` makes it. Each seed has 300 runs: of plain
+A table of docs/coverage/surrogates.md as `seed_table.py` makes it. Each seed has 300 runs: of plain
 draws, or 100 of them and 200 that a surrogate places, for the means or for the probabilities. A
 width is over that of the corrected interval of the 300 plain draws of the same seed.
 

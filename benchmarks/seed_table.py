@@ -195,10 +195,35 @@ def per_cent(part: float, whole: float) -> str:
 
 
 def fill(path: Path, name: str, text: str) -> None:
-    """Put a table between its marks on a page."""
+    """Put tables between their marks on a page; in the folder of coverage, as data beside it."""
+    if path.parent.name == "coverage":
+        text = _as_data(path.parent, name, text)
     begin, end = f"<!-- {name}: begin -->", f"<!-- {name}: end -->"
     page = path.read_text(encoding="utf-8")
     if begin not in page:
         raise SystemExit(f"{path} has no mark {begin}")
     before, _, rest = page.partition(begin)
     path.write_text(f"{before}{begin}\n{text}\n{end}{rest.partition(end)[2]}", encoding="utf-8")
+
+
+def _as_data(folder: Path, name: str, text: str) -> str:
+    """Write the tables of a text into files, and return it with these in their places."""
+    blocks = [
+        (is_table, list(rows))
+        for is_table, rows in itertools.groupby(text.splitlines(), lambda row: row.startswith("|"))
+    ]
+    stem = name.replace(" ", "_")
+    several = sum(is_table for is_table, _ in blocks) > 1
+    found: list[str] = []
+    number = 0
+    for is_table, rows in blocks:
+        if not is_table:
+            found += rows
+            continue
+        number += 1
+        file = f"{stem}_{number}.csv" if several else f"{stem}.csv"
+        cells = [[cell.strip() for cell in row.split("|")[1:-1]] for row in rows]
+        with (folder / file).open("w", newline="", encoding="utf-8") as opened:
+            csv.writer(opened, lineterminator="\n").writerows([cells[0], *cells[2:]])
+        found += ["```{csv-table}", f":file: {file}", ":header-rows: 1", "```"]
+    return "\n".join(found)

@@ -1,8 +1,9 @@
 """How often intervals of means and standard deviations cover, for skewed and heavy outputs.
 
-A table as `seed_table.py` makes it, of docs/coverage.md. The functions have few inputs that matter,
-most of them unbounded. All of them are evaluated at common points: the first inputs of a set of
-many inputs are a set of few. A cell fails if its intervals without a note cover in less than 92 %.
+A table as `seed_table.py` makes it, of docs/coverage/samples.md. The functions have few inputs that
+matter, most of them unbounded. All of them are evaluated at common points: the first inputs of a
+set of many inputs are a set of few. A cell fails if its intervals without a note cover in less than
+92 %.
 """
 
 from __future__ import annotations

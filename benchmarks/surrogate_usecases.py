@@ -1,8 +1,8 @@
 """How often corrected estimates cover on the use cases of OpenTURNS, and what goes without a word.
 
-A table of docs/coverage.md as `seed_table.py` makes it, with OpenTURNS installed. Each seed is a
-whole study: independent runs, and a surrogate of the kind under test, with the settings of a user
-who states nothing.
+A table of docs/coverage/use_cases.md as `seed_table.py` makes it, with OpenTURNS installed. Each
+seed is a whole study: independent runs, and a surrogate of the kind under test, with the settings
+of a user who states nothing.
 
 A figure is off if its interval misses the true value. It goes without a word if it has no note
 either. At most 2 % of all figures may.

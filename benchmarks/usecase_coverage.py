@@ -1,8 +1,8 @@
 """How often intervals cover where the use cases of OpenTURNS are the models.
 
-A table of docs/coverage.md as `seed_table.py` makes it, with OpenTURNS installed. Each output,
-design and seed has points of its own, so the intervals of a cell (a statistic of a design) are
-independent. A cell fails if so few of its intervals would cover with a probability below 0.001,
+A table of docs/coverage/use_cases.md as `seed_table.py` makes it, with OpenTURNS installed. Each
+output, design and seed has points of its own, so the intervals of a cell (a statistic of a design)
+are independent. A cell fails if so few of its intervals would cover with a probability below 0.001,
 were the coverage of each 95 %. All cells together fail below 94.5 %.
 """
 

@@ -61,3 +61,17 @@ def test_a_page_without_the_marks_is_left_alone(tmp_path):
     with pytest.raises(SystemExit, match="no mark"):
         seed_table.fill(page, "sums", "| a |")
     assert page.read_text() == "nothing\n"
+
+
+def test_tables_of_coverage_are_data_beside_their_page(tmp_path):
+    page = tmp_path / "coverage" / "page.md"
+    page.parent.mkdir()
+    page.write_text("<!-- two sums: begin -->\n<!-- two sums: end -->\n")
+    table = "| case | sum |\n|---|---|\n| one, two | 6 |"
+    seed_table.fill(page, "two sums", f"{table}\n\n{table}\n\nSeeds: 4.")
+    for number in (1, 2):
+        file = page.parent / f"two_sums_{number}.csv"
+        assert file.read_text() == 'case,sum\n"one, two",6\n'
+        assert f":file: {file.name}\n" in page.read_text()
+    assert "|" not in page.read_text()
+    assert "\nSeeds: 4.\n<!-- two sums: end -->" in page.read_text()
