@@ -44,7 +44,7 @@ def uqpen(command_line, tmp_path):
 
 class TestStudy:
     def test_it_writes_an_archive_and_shows_its_tables_on_80_columns(self, uqpen):
-        done = uqpen("study", "small.toml")
+        done = uqpen("study", "small.toml", "--all")
         assert done.code == 0
         assert Path("archives/small.nc").is_file()
         assert "archive: archives/small.nc" in done.out
@@ -89,8 +89,10 @@ class TestStudy:
         (tmp_path / "slow.toml").write_text(SLOW_STUDY.replace("100000", "10"))
         done = uqpen("study", "slow.toml")
         assert done.code == 3
-        assert "10 failed" in done.out
-        assert "ValueError: why \\x1b[31m oh why" in done.out, (
+        assert "All 10 runs failed." in done.out
+        shown = uqpen("show", "archives/slow.nc").out
+        assert "10 failed" in shown
+        assert "ValueError: why \\x1b[31m oh why" in shown, (
             "with its control characters spelled out"
         )
         assert "all runs of a design failed" in done.err
@@ -101,7 +103,7 @@ class TestStudy:
         (tmp_path / "slow.py").write_text(f"def f(x): return {{'{name}': 2 + x / 10}}")
         study = SLOW_STUDY.replace("100000", "10").replace("{ y =", f"{{ {name} =")
         (tmp_path / "slow.toml").write_text(study)
-        done = uqpen("study", "slow.toml")
+        done = uqpen("study", "slow.toml", "--all")
         assert name in done.out
         assert re.search(r"mean +\d\.\d+ \(\d\.\d+ … \d\.\d+\)", done.out)
 
@@ -184,7 +186,7 @@ class TestCheck:
 
 class TestShow:
     def test_it_shows_what_the_study_showed(self, uqpen):
-        studied = uqpen("study", "small.toml")
+        studied = uqpen("study", "small.toml", "--all")
         shown = uqpen("show", "archives/small.nc")
         assert shown.code == 0
         assert shown.out in studied.out

@@ -1,7 +1,9 @@
 """Tables on terminals that lack characters, and commands that show no progress."""
 
 import io
+import re
 import sys
+from pathlib import Path
 
 import click
 import pytest
@@ -9,10 +11,11 @@ from click.testing import CliRunner
 from study_text import study_text
 
 from uqpen.cli.console import plain_table, show_table, standard_output
-from uqpen.cli.messages import SPELLED_OUT
+from uqpen.cli.messages import SPELLED_OUT, screen_text
 from uqpen.cli.options import quiet_option
 from uqpen.cli.progress import show_progress
-from uqpen.cli.screen import show_tables
+from uqpen.cli.screen import show_answer, show_tables
+from uqpen.report.sections.summary import summary_lines
 from uqpen.results.table import OutputTable
 
 STUDY = study_text(
@@ -79,3 +82,31 @@ def test_a_warning_is_shown_quietly_too():
 
     assert CliRunner().invoke(work, ["-q"]).stderr == "warning: cold\n"
     assert CliRunner().invoke(work).stderr.startswith("some: 5 of 10 runs already done\n")
+
+
+@pytest.mark.parametrize("name", ["schema_1", "schema_1_several", "beam"])
+def test_the_answer_fits_a_screen_and_begins_with_what_was_asked(
+    name, archives, monkeypatch, capsys
+):
+    monkeypatch.setenv("COLUMNS", "80")
+    show_answer(archives[name], Path("archives/a b.nc"))
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) <= 10, "two more say where archive and page are"
+    assert max(map(len, lines)) <= 80
+    assert lines[0] == screen_text(archives[name].attrs["title"])
+    assert re.search(r", (limit|P\(|tolerance|median).*: ", lines[1]), lines[1]
+    # The runs of several models are too few for a measure of their inputs.
+    assert sum(line.startswith("drivers of ") for line in lines) == (name != "schema_1_several")
+    assert lines[-1].startswith("tables: uqpen show 'archives/a b.nc'")
+
+
+def test_what_does_not_fit_the_answer_is_counted(archives, monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "34")
+    show_answer(archives["beam"], Path("a.nc"))
+    _, _, below = capsys.readouterr().out.partition("中\n")  # the end of the title
+    *lines, last = below.splitlines()
+    assert len(lines) <= 8
+    shown = sum(not line.startswith(" ") for line in lines)
+    every = len(list(summary_lines(archives["beam"])))
+    assert 0 < shown < every
+    assert last == f"tables: uqpen show a.nc ({every - shown} more of these, too)"

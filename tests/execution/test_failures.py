@@ -108,7 +108,7 @@ def test_more_losses_than_allowed_end_a_study_that_can_go_on(command_line, tmp_p
     outcome = command_line(*again)
     assert outcome.code == 0
     assert "of 50 runs already done" in outcome.err
-    assert "some: inputs of failed runs" in outcome.out
+    assert "some: inputs of failed runs" in command_line("show", "archives/study.nc").out
     assert len((tmp_path / "calls").read_text().split()) <= 50 + 2 * 4
 
 

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import shlex
+import textwrap
+from pathlib import Path
+
 import xarray as xr
 from rich.console import Console
 from rich.text import Text
@@ -18,6 +22,35 @@ from uqpen.results.table import headed_models
 
 # Reasons of lost runs that are shown; an archive holds them all.
 _MOST_REASONS = 10
+# Lines of the answer, below its title and above those that say where more is.
+_ANSWER_LINES = 8
+
+
+def show_answer(tree: xr.DataTree, archive: Path) -> None:
+    """Show the main results in at most nine lines, and the command that shows the tables.
+
+    A result that does not fit is left to the tables as a whole, and counted.
+    """
+    from uqpen.report.sections.summary import summary_lines  # tables need none of it
+
+    console = standard_output()
+    console.print(Text(screen_text(str(tree.attrs["title"])), style="bold"))
+    every = [
+        textwrap.wrap(text, console.width - 1, subsequent_indent="  ")
+        for text in summary_lines(tree)
+    ]
+    left, omitted = _ANSWER_LINES, 0
+    for lines in every:
+        if len(lines) > left < _ANSWER_LINES:
+            omitted += 1
+            continue
+        left -= len(lines)
+        for line in lines:
+            # Spaces at which no line ends have done their work.
+            console.print(Text(screen_text(line.replace("\u00a0", " "))), soft_wrap=True)
+    more = f" ({omitted} more of these, too)" if omitted else ""
+    command = shlex.join(["uqpen", "show", str(archive)])
+    console.print(Text(screen_text(f"tables: {command}{more}")), soft_wrap=True)
 
 
 def show_tables(tree: xr.DataTree, *, everything: bool = False) -> None:

@@ -42,6 +42,7 @@ class _StudyCommand(click.Command):
 @click.command(cls=_StudyCommand, short_help="Run a study and write its archive.")
 @click.argument("file", type=PATH)
 @output_option("archive", "archives/<study>.nc")
+@click.option("--all", "everything", is_flag=True, help="Show all tables, as `uqpen show` does.")
 @click.option("--report", "is_reported", is_flag=True, help="Write its report beside it, too.")
 @click.option(
     "--watch",
@@ -64,6 +65,7 @@ class _StudyCommand(click.Command):
 def study(
     file: Path,
     archive: Path | None,
+    everything: bool,
     is_reported: bool,
     reuse: tuple[Path, ...],
     watch_port: int | None,
@@ -88,7 +90,7 @@ def study(
     here = Path.cwd()
     # Shown before the imports, which take longer than the reading.
     with show_step("reading the study"), loading():
-        from uqpen.cli.screen import show_tables
+        from uqpen.cli.screen import show_answer, show_tables
         from uqpen.study.load import load_study
 
         loaded = load_study(file)
@@ -102,7 +104,7 @@ def study(
         here,
         archive,
         executor,
-        show_tables,
+        show_tables if everything else lambda tree: show_answer(tree, archive),
         watch_port=watch_port,
         resume=ResumeOptions(**resume, reuse=[here / other for other in reuse]),
     )

@@ -436,17 +436,20 @@ def _model_form_findings(
     view: ArchiveView, outputs: Sequence[str], design: str
 ) -> Iterator[Finding]:
     """Yield how much of the spread of each output is model form, and how much is its inputs."""
+    if texts := list(model_form_texts(view, outputs, design)):
+        yield Finding("How much is model form?", " ".join([*texts, _SCOPE]))
+
+
+def model_form_texts(view: ArchiveView, outputs: Sequence[str], design: str) -> Iterator[str]:
+    """Yield a sentence on the spread of each output, and of its events with limits."""
     statistics = SourceStatistics.of_model_form(view.archive)
-    texts = []
     for output in outputs:
         arrays = statistics.statistics(design, output)
         if "model_form_share" not in arrays or np.isnan(arrays["model_form_share"].values[0]):
             continue
         parts = _parts_text(arrays["model_form_share"], arrays["parameter_share"])
-        texts.append(f"Of the variance of {output_name(view, output)}, {parts}.")
-        texts += _event_texts(arrays)
-    if texts:
-        yield Finding("How much is model form?", " ".join([*texts, _SCOPE]))
+        yield f"Of the variance of {output_name(view, output)}, {parts}."
+        yield from _event_texts(arrays)
 
 
 def _event_texts(arrays: Mapping[str, xr.DataArray]) -> Iterator[str]:

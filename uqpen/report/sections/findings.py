@@ -258,6 +258,8 @@ def _range_text(
 
 # Warnings about the numbers of a page: few alerts, each with a remedy.
 
+# The kind of the last alert, which holds of all archives.
+SCOPE = "Scope"
 # Notes of estimates that are written out.
 _MOST_NOTES = 2
 # Share of inadmissible points that is worth an alert.
@@ -450,7 +452,7 @@ def _scope_alert(view: ArchiveView, design: str, *, few_runs: bool) -> Alert:
     )
     rare = f" Events rarer than about 1 in {grouped_number(completed)} cannot be seen."
     return Alert(
-        "Scope",
+        SCOPE,
         "Intervals cover the sampling error alone, not that of the model or of the assumed "
         f"distributions. {_level_text(view, design)}, all together less often."
         + rare * (run_count(runs) > 1)
