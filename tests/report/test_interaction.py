@@ -426,6 +426,31 @@ def test_the_contents_stay_in_view_and_lead_back_up(page):
     page.wait_for_function("() => scrollY === 0")
 
 
+@pytest.mark.parametrize("width", [1280, 390])
+def test_the_contents_are_whole_and_stay_under_the_pointer(show, width):
+    page = show("two")
+    page.set_viewport_size({"width": width, "height": 900})
+    page.evaluate("scrollTo(0, 0)")
+    clipped = """() => [...document.querySelectorAll('nav a')].filter((link) => {
+      const { left, right } = link.getBoundingClientRect();
+      return left < 0 || right > innerWidth;
+    }).length"""
+    assert page.evaluate(clipped) == 0
+    first = page.locator("nav li a").first
+    before = first.bounding_box()
+    page.mouse.move(before["x"] + 5, before["y"] + 5)
+    page.mouse.down()
+    if width == 1280:  # where the contents stay in view, another section becomes the current one
+        page.evaluate("document.getElementById('scatter').scrollIntoView()")
+        page.wait_for_selector("nav a[href='#scatter'][aria-current=true]")
+        at = first.bounding_box()
+        assert at["x"] == before["x"]
+        page.mouse.move(at["x"] + 5, at["y"] + 5)
+    page.mouse.up()
+    page.wait_for_function("() => location.hash.startsWith('#answer')")
+    page.set_viewport_size({"width": 1200, "height": 900})
+
+
 def test_it_has_no_faults_with_a_selection(page):
     page.locator(".handle").first.focus()
     page.keyboard.press("PageUp")

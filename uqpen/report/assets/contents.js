@@ -14,7 +14,6 @@ const sectionWatcher = new IntersectionObserver((seen) => {
     const isCurrent = current !== undefined && name === current.id;
     if (isCurrent === link.hasAttribute("aria-current")) continue;
     if (isCurrent) link.setAttribute("aria-current", "true"); else link.removeAttribute("aria-current");
-    if (isCurrent) link.parentElement.parentElement.scrollLeft = link.offsetLeft - 80;
   }
 }, { rootMargin: "-25% 0px -65% 0px" });
 sections.forEach((section) => sectionWatcher.observe(section));
