@@ -13,7 +13,7 @@ __all__ = ["SECTIONS", "ReportSection"]
 
 
 class ReportSection(NamedTuple):
-    """Entry of the page's contents."""
+    """Part of a page."""
 
     title: str
     introduction: str  # what the section shows, and how to read it
@@ -23,12 +23,17 @@ class ReportSection(NamedTuple):
     is_folded: bool = False  # for a statistician: opened by its line, or by a link to it
     is_printed: bool = True  # unless it is folded; otherwise to be explored on a screen
     absence_note: str = ""  # what an archive lacks without content, where some is expected
+    contents: str = ""  # its entry in the contents, a word of the field; its title without one
 
 
 # In the order of the page, by the names that links have.
 SECTIONS = {
     "answer": ReportSection(
-        "Main results", "", "uqpen.report.sections.answer:answer", is_common=True
+        "Main results",
+        "",
+        "uqpen.report.sections.answer:answer",
+        is_common=True,
+        contents="Results",
     ),
     "models": ReportSection(
         "How the models differ",
@@ -36,18 +41,21 @@ SECTIONS = {
         "run. Differences are often known better than either model alone.",
         "uqpen.report.sections.comparisons:model_comparison",
         is_common=True,
+        contents="Models",
     ),
     "distributions": ReportSection(
         "How it is distributed",
         "Move the threshold to read off a probability.",
         "uqpen.report.sections.outputs:distributions",
         absence_note="completed runs that are a sample of the inputs",
+        contents="Distributions",
     ),
     "curves": ReportSection(
         "Curves and fields",
         "Outputs along dimensions. Move the place of a curve to read off its estimates, its runs "
         "and what drives it there.",
         "uqpen.report.sections.fields:curves",
+        contents="Curves",
     ),
     "sensitivity": ReportSection(
         "What drives it",
@@ -56,6 +64,7 @@ SECTIONS = {
         "other, first orders include what they share, and may add up to more than 1.",
         "uqpen.report.sections.outputs:sensitivity",
         absence_note="measures of the inputs' part",
+        contents="Sensitivity",
     ),
     "scatter": ReportSection(
         "Outputs against inputs",
@@ -63,6 +72,7 @@ SECTIONS = {
         "cloud without a shape: other inputs decide.",
         "uqpen.report.sections.outputs:scatter",
         is_printed=False,
+        contents="Runs",
     ),
     "losses": ReportSection(
         "Failed runs",
@@ -73,6 +83,7 @@ SECTIONS = {
         "Do the methods agree",
         "The same statistics by all designs, surrogates and publications.",
         "uqpen.report.sections.comparisons:source_comparison",
+        contents="Methods",
     ),
     "convergence": ReportSection(
         "How it settles with more runs",
@@ -80,6 +91,7 @@ SECTIONS = {
         "the study ended there.",
         "uqpen.report.sections.comparisons:convergence",
         is_folded=True,
+        contents="Convergence",
     ),
     "course": ReportSection(
         "Trajectory at the nominal inputs",
@@ -88,6 +100,7 @@ SECTIONS = {
         is_common=True,
         is_folded=True,
         absence_note="trajectories of its models",
+        contents="Trajectory",
     ),
     "surrogates": ReportSection(
         "How good the surrogates are",
@@ -97,6 +110,7 @@ SECTIONS = {
         "uqpen.report.sections.comparisons:surrogates",
         is_folded=True,
         absence_note="surrogates",
+        contents="Surrogates",
     ),
     # Of a benchmark of methods.
     "leaders": ReportSection(
@@ -105,6 +119,7 @@ SECTIONS = {
         "with a large reference. The best method is nearest to it, by more than the noise.",
         "uqpen.report.sections.benchmark:leaders",
         of="benchmark",
+        contents="Best method",
     ),
     "errors": ReportSection(
         "Error against the number of runs",
@@ -113,6 +128,7 @@ SECTIONS = {
         "error. Markers for the same number of runs stand side by side.",
         "uqpen.report.sections.benchmark:errors",
         of="benchmark",
+        contents="Errors",
     ),
     "replicates": ReportSection(
         "The same in replicates",
@@ -121,6 +137,7 @@ SECTIONS = {
         "uqpen.report.sections.benchmark:replicates",
         of="benchmark",
         is_folded=True,
+        contents="Replicates",
     ),
     "rates": ReportSection(
         "How fast errors fall",
@@ -129,6 +146,7 @@ SECTIONS = {
         "uqpen.report.sections.benchmark:rates",
         of="benchmark",
         is_folded=True,
+        contents="Rates",
     ),
     "coverage": ReportSection(
         "Coverage of the methods' own intervals",
@@ -136,6 +154,7 @@ SECTIONS = {
         "Where the reference's own error is as large as the interval, it counts too.",
         "uqpen.report.sections.benchmark:coverage",
         of="benchmark",
+        contents="Coverage",
     ),
     "cost": ReportSection(
         "Cost",
@@ -153,6 +172,7 @@ SECTIONS = {
         "uqpen.report.sections.benchmark:reference",
         of="benchmark",
         is_folded=True,
+        contents="Reference",
     ),
     "tables": ReportSection(
         "All tables",
@@ -160,6 +180,7 @@ SECTIONS = {
         "uqpen.report.sections.benchmark:tables",
         of="benchmark",
         is_folded=True,
+        contents="Tables",
     ),
     "archive": ReportSection(
         "The study and its provenance",
@@ -169,5 +190,6 @@ SECTIONS = {
         of="any",
         is_common=True,
         is_folded=True,
+        contents="Study",
     ),
 }
