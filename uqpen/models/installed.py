@@ -65,20 +65,21 @@ def _is_recorded(file: str) -> bool:
         folder = os.path.abspath(entry) + os.sep
         if file.startswith(folder):
             name = file[len(folder) :].replace(os.sep, "/")
-            line = f"\n{name},".encode(errors="replace")
-            if any(line in each for each in _records(folder)):
+            if name.encode(errors="replace") in _recorded_files(folder):
                 return True
     return False
 
 
 @functools.cache
-def _records(folder: str) -> list[bytes]:
-    """Return the lists of files of the distributions in a folder, one file a line."""
-    found = []
+def _recorded_files(folder: str) -> frozenset[bytes]:
+    """Return the files that the records of the distributions in a folder list."""
+    found: set[bytes] = set()
     for record in Path(folder).glob("*.dist-info/RECORD"):
         with contextlib.suppress(OSError):
-            found.append(b"\n" + record.read_bytes().replace(b'"', b""))
-    return found
+            # Behind a file stand its hash and its size.
+            lines = record.read_bytes().replace(b'"', b"").splitlines()
+            found.update(line.rsplit(b",", 2)[0] for line in lines)
+    return frozenset(found)
 
 
 def _module_attributes(module: object) -> dict[str, Any]:
