@@ -9,8 +9,6 @@ import click
 from uqpen.cli.messages import ExitCode, loading, show_message
 from uqpen.cli.options import PATH, ExecutorOptions, executor_option, output_option, quiet_option
 
-__all__ = ["compare"]
-
 
 @click.command(short_help="Compare a study's methods at equal budgets.")
 @click.argument("file", type=PATH)

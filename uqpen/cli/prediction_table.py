@@ -17,7 +17,7 @@ from uqpen.surrogates.archived_surrogate import EXTRAPOLATED, std_name
 if TYPE_CHECKING:
     import xarray as xr
 
-    from uqpen.core.arrays import FloatArray, IntArray
+    from uqpen.core.arrays import FloatArray
     from uqpen.core.columns import Column
     from uqpen.core.model import Dimension, Output
     from uqpen.surrogates.archived_surrogate import ArchivedSurrogate
@@ -45,7 +45,9 @@ def prediction_parts(
                 {name: each[start:stop] for name, each in given.items()},
                 index=pd.RangeIndex(start, stop),
             )
-            points[EXTRAPOLATED] = _outside(predicted)
+            marked = predicted[EXTRAPOLATED]
+            inputs = marked[INPUT].values
+            points[EXTRAPOLATED] = [" ".join(inputs[row]) for row in np.atleast_2d(marked.values)]
             if not names:  # the columns of all groups
                 tables = (_of_group(found, predicted, points, each) for each in groups)
                 names = dict.fromkeys(name for each in tables for name in each)
@@ -57,13 +59,6 @@ def prediction_parts(
             yield table.reset_index(drop=True)
 
 
-def _outside(predicted: xr.Dataset) -> list[str]:
-    """Return the inputs out of range of each point."""
-    marked = predicted[EXTRAPOLATED]
-    inputs = marked[INPUT].values
-    return [" ".join(inputs[row]) for row in np.atleast_2d(marked.values)]
-
-
 def _of_group(
     found: ArchivedSurrogate,
     predicted: xr.Dataset,
@@ -73,16 +68,12 @@ def _of_group(
     """Return the points with the predictions of the outputs along some dimensions."""
     size = len(points)
     outputs = [each for each in found.outputs if each.dims == dims]
+    places = np.prod([len(each.values) for each in dims], dtype=int)
     return (
-        points.iloc[_rows(size, dims)]
+        points.iloc[np.repeat(np.arange(size), places)]
         .assign(**dict(_places(size, dims)))
         .assign(**dict(_values(predicted, outputs)))
     )
-
-
-def _rows(points: int, dims: tuple[Dimension, ...]) -> IntArray:
-    """Return the position of the point of each row."""
-    return np.repeat(np.arange(points), np.prod([len(each.values) for each in dims], dtype=int))
 
 
 def _places(points: int, dims: tuple[Dimension, ...]) -> Iterator[tuple[str, FloatArray]]:

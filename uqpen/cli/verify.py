@@ -20,8 +20,6 @@ from uqpen.cli.options import (
     trust_option,
 )
 
-__all__ = ["diff", "rerun", "verify"]
-
 # Its hashes, and some of its runs once more.
 
 

@@ -44,7 +44,17 @@ def floats(value: object) -> FloatArray:
     try:
         array = np.asanyarray(value)
         if array.dtype.kind == "O":
-            return _from_objects(array)
+            found = np.full(array.shape, np.nan)
+            for index, entry in np.ndenumerate(array):
+                if entry is np.ma.masked:
+                    continue
+                if not isinstance(entry, numbers.Real | Decimal):
+                    raise ValueError(f"{type(entry).__name__} in place of a number")
+                try:
+                    found[index] = float(entry)
+                except OverflowError:
+                    found[index] = np.inf
+            return found
         if array.dtype.kind not in "biuf":
             kind = _NO_NUMBERS.get(array.dtype.kind, str(array.dtype))
             raise ValueError(f"{kind} in place of numbers")
@@ -77,18 +87,3 @@ def rows_by_weight(weights: FloatArray, probability: FloatArray) -> IntArray:
     rows = np.searchsorted(ends, probability * ends[-1], side="right")
     last = int(np.flatnonzero(weights)[-1])  # rounding must not lead beyond it
     return np.minimum(rows, last).astype(np.int64)
-
-
-def _from_objects(array: npt.NDArray[np.object_]) -> FloatArray:
-    """Convert Python numbers to floats; a number too large for a float becomes infinite."""
-    found = np.full(array.shape, np.nan)
-    for index, entry in np.ndenumerate(array):
-        if entry is np.ma.masked:
-            continue
-        if not isinstance(entry, numbers.Real | Decimal):
-            raise ValueError(f"{type(entry).__name__} in place of a number")
-        try:
-            found[index] = float(entry)
-        except OverflowError:
-            found[index] = np.inf
-    return found

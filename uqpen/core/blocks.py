@@ -143,6 +143,8 @@ def join_blocks(blocks: Iterable[xr.Dataset], size: int) -> xr.Dataset:
     All have the variables of the first. Without a failed run, the whole has no reasons of failed
     runs.
     """
+    import xarray as xr
+
     coming = iter(blocks)
     first = next(coming)
     if first.sizes[RUN] == size:
@@ -168,20 +170,13 @@ def join_blocks(blocks: Iterable[xr.Dataset], size: int) -> xr.Dataset:
             parts.append(block.variables[name].values)
         start = stop
     found = {**joined, **{name: np.concatenate(parts) for name, parts in failed.items()}}
-    return _without_empty_reasons(_with_values(first, found))
-
-
-def _with_values(template: xr.Dataset, values: dict[str, _AlongRun]) -> xr.Dataset:
-    """Return a dataset like another one, in the same order, with other values of some variables."""
-    import xarray as xr
-
     variables = {
-        str(name): (each.dims, values.get(str(name), each.values), each.attrs)
-        for name, each in template.variables.items()
+        str(name): (each.dims, found.get(str(name), each.values), each.attrs)
+        for name, each in first.variables.items()
     }
-    coordinates = {name: variables.pop(name) for name in map(str, template.coords)}
-    whole = xr.Dataset(variables, coordinates, template.attrs)
-    return whole[[*map(str, template.variables)]]
+    coordinates = {name: variables.pop(name) for name in map(str, first.coords)}
+    whole = xr.Dataset(variables, coordinates, first.attrs)
+    return _without_empty_reasons(whole[[*map(str, first.variables)]])
 
 
 def _without_empty_reasons(runs: xr.Dataset) -> xr.Dataset:

@@ -20,20 +20,6 @@ from uqpen.core.errors import Problem, SettingsError
 from uqpen.core.settings import number, validate
 from uqpen.distributions.distribution import OPEN_INTERVAL
 
-__all__ = [
-    "MEASURES",
-    "ClaytonCopula",
-    "Dependence",
-    "EllipticalCopula",
-    "FrankCopula",
-    "GaussianCopula",
-    "GumbelCopula",
-    "JoeCopula",
-    "StudentCopula",
-    "score_correlation",
-    "sum_columns",
-]
-
 # Dependence between random inputs: copulas, as maps of the unit cube onto itself.
 #
 # A copula is the joint distribution of the inputs' probabilities, apart from the distribution of

@@ -16,21 +16,6 @@ from uqpen.core.errors import Problem
 from uqpen.core.settings import difference, limit, number, numbers, quantity, quantity_list
 from uqpen.distributions.distribution import Distribution, order_problem
 
-__all__ = [
-    "Beta",
-    "Discrete",
-    "Gamma",
-    "Gumbel",
-    "LogUniform",
-    "Lognormal",
-    "Normal",
-    "Triangular",
-    "Truncated",
-    "Uniform",
-    "Weibull",
-]
-
-
 # Continuous distributions of an input, each a few formulas over `scipy.special`.
 #
 # Parameters are those of the variable itself: the ``mean`` of a lognormal distribution is the mean

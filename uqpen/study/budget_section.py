@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -156,24 +156,32 @@ def plan_budget(
     is_constrained : bool
         True if the study has constraints.
     """
-    each, text = budget // max(len(models), 1), root.document.text
-    if not joint.random:
-        expected = 'a random input, such as "(2.5 ± 0.1) m" or { uniform = { … } }'
-        root.add_problem(BUDGET, "a plan of runs over inputs that are all fixed", expected)
-        return BudgetPlan(text)
-    if each < FEWEST_RUNS:
-        expected = f"{FEWEST_RUNS * len(models)} or more: {FEWEST_RUNS} runs of each model"
-        root.add_problem(BUDGET, f"{budget} runs of {len(models)} models", expected)
-        return BudgetPlan(text)
-    no_surrogate = _reason_against_surrogate(joint, models, is_constrained=is_constrained)
-    tables = plan_runs(each, len(joint.random), no_surrogate)
+    runs, text = budget // max(len(models), 1), root.document.text
     # Not the line of a message: the text of a study made in Python has lines, too.
     line = Document.line(root.document, (BUDGET,))
-    if line is None:
+    if not joint.random:
+        found = "a plan of runs over inputs that are all fixed"
+        expected = 'a random input, such as "(2.5 ± 0.1) m" or { uniform = { … } }'
+    elif runs < FEWEST_RUNS:
+        found = f"{budget} runs of {len(models)} models"
+        expected = f"{FEWEST_RUNS * len(models)} or more: {FEWEST_RUNS} runs of each model"
+    elif line is None:
+        found = f"{budget}"
         expected = "[designs.<name>], as the text is too large to put them in its place"
-        root.add_problem(BUDGET, f"{budget}", expected)
-        return BudgetPlan(text)
-    return BudgetPlan(_text(text, line, budget, tables), tables)
+    else:
+        no_surrogate = _reason_against_surrogate(joint, models, is_constrained=is_constrained)
+        tables = plan_runs(runs, len(joint.random), no_surrogate)
+        # The budget becomes a comment, with the tables behind the text: whoever reads the archive
+        # needs no rules, and other rules do not change it.
+        lines = text.rstrip("\n").split("\n")
+        lines[line - 1] = f"# {lines[line - 1]}"
+        lines += ["", f"# Planned from the budget of {budget} runs"]
+        for each in tables:
+            table = tomli_w.dumps({each.section: {each.name: dict(each.settings)}})
+            lines += [f"# {each.text}", table]
+        return BudgetPlan("\n".join(lines), tables)
+    root.add_problem(BUDGET, found, expected)
+    return BudgetPlan(text)
 
 
 def _reason_against_surrogate(
@@ -189,17 +197,3 @@ def _reason_against_surrogate(
     if not any(output.is_number for each in models.values() for output in each.model.all_outputs):
         return "no surrogate, as no output is a number"
     return ""
-
-
-def _text(text: str, line: int, budget: int, tables: Sequence[PlannedTable]) -> str:
-    """Return the text of a study with the budget as a comment, and tables behind it.
-
-    So whoever reads the archive needs no rules, and other rules do not change it.
-    """
-    lines = text.rstrip("\n").split("\n")
-    lines[line - 1] = f"# {lines[line - 1]}"
-    lines += ["", f"# Planned from the budget of {budget} runs"]
-    for each in tables:
-        table = tomli_w.dumps({each.section: {each.name: dict(each.settings)}})
-        lines += [f"# {each.text}", table]
-    return "\n".join(lines)

@@ -99,13 +99,9 @@ def _output_reader(section: TableReader, name: str) -> OutputReader | None:
         return None
     if not is_inside(file):
         section.add_wrong(kind, file, f"{_FILE}, relative to it")
-    if kind == "text":
-        return _text_reader(section, file, name)
-    cls, key = _READERS[kind]
-    return section.settings(cls, given={"file": file, key: name})
-
-
-def _text_reader(section: TableReader, file: str, name: str) -> OutputReader | None:
+    if kind != "text":
+        cls, key = _READERS[kind]
+        return section.settings(cls, given={"file": file, key: name})
     expected = f"a regular expression with one group, or one called {name}: '{name} = (\\S+)'"
     pattern = section.text("pattern", expected)
     if pattern is None:
@@ -141,9 +137,8 @@ def read_command(table: TableReader) -> Command | None:
     noted = len(table.problems)
     words = tuple(_read_words(table))
     variables = read_variables(table)
-    handed = _ProgramFiles(table, _read_delimiters(table))
-    handed.read_templates()
-    handed.read_copied()
+    handed = _ProgramFiles(table)
+    handed.read()
     limits = read_limits(table)
     # Folders of runs are next to the study, and named after it, and after one of several models.
     folder = table.folder / f"{Path(table.document.label).stem}_runs"
@@ -173,8 +168,19 @@ class _ProgramFiles:
     template_files: dict[str, str] = field(default_factory=dict)
     copied: list[str] = field(default_factory=list)
 
-    def read_templates(self) -> None:
-        """Read the texts of all templates, by their file names in the folder of a run."""
+    def read(self) -> None:
+        """Read the delimiters of placeholders, the templates, and the names of other files."""
+        written = self.table.take("delimiters")
+        is_pair = isinstance(written, list) and len(written) == 2
+        if is_pair and all(
+            isinstance(each, str) and _DELIMITER.fullmatch(each) for each in written
+        ):
+            self.delimiters = Delimiters(*written)
+        elif written is not None:
+            expected = (
+                'two texts of 1 to 8 signs, no letters, digits or blanks, such as ["<<", ">>"]'
+            )
+            self.table.add_wrong("delimiters", written, expected)
         section = self.table.table("templates")
         for name in section:
             file = section.text(name, _BESIDE)
@@ -182,9 +188,6 @@ class _ProgramFiles:
                 section.add_wrong(name, name, f"{_INSIDE}, none of {', '.join(_TAKEN)}")
             elif file is not None and self.table.trust:
                 self._read_template(section, name, file)
-
-    def read_copied(self) -> None:
-        """Read the files that are copied into the folder of each run."""
         for position, name in enumerate(self.table.entries("files")):
             at = ("files", position)
             if not isinstance(name, str) or not is_inside(name):
@@ -264,16 +267,3 @@ def _read_words(table: TableReader) -> Iterator[str]:
             table.add_wrong(at, word, "a program, without placeholders")
         else:
             yield word
-
-
-def _read_delimiters(table: TableReader) -> Delimiters:
-    """Read the delimiters of placeholders in templates."""
-    written = table.take("delimiters")
-    if written is None:
-        return BRACES
-    is_pair = isinstance(written, list) and len(written) == 2
-    if is_pair and all(isinstance(each, str) and _DELIMITER.fullmatch(each) for each in written):
-        return Delimiters(*written)
-    expected = 'two texts of 1 to 8 signs, no letters, digits or blanks, such as ["<<", ">>"]'
-    table.add_wrong("delimiters", written, expected)
-    return BRACES

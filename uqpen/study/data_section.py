@@ -130,8 +130,10 @@ def _read_file(table: TableReader, declared: _Declaration) -> DataModel | None:
     units = dict(_units(table, file, declared, [*names, *declared.outputs]))
     if len(table.problems) > noted:
         return None
-    inputs = tuple(Input(*_variable(name, units)) for name in names)
-    outputs = tuple(Output(*_variable(name, units)) for name in declared.outputs)
+    inputs = tuple(Input(name, si_unit(units[name]), display_unit=units[name]) for name in names)
+    outputs = tuple(
+        Output(name, si_unit(units[name]), display_unit=units[name]) for name in declared.outputs
+    )
     return DataModel(
         name=file.name,
         inputs=inputs,
@@ -141,11 +143,6 @@ def _read_file(table: TableReader, declared: _Declaration) -> DataModel | None:
         file=file.file,
         coordinates=data_coordinates(file, (*inputs, *outputs)),
     )
-
-
-def _variable(name: str, units: Mapping[str, str]) -> tuple[str, str, str, str]:
-    """Return the name of a variable, its SI unit, its title and its unit for display."""
-    return name, si_unit(units[name]), "", units[name]
 
 
 def _check_names(

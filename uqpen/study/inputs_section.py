@@ -189,7 +189,18 @@ def _read_measured(table: TableReader, variable: Input, stream: Stream) -> Rando
             f"{parameters_text(distribution, column.unit)}; "
             f"Kolmogorov-Smirnov distance {fitted.distance:.3g}, p = {fitted.p_value:.2g}"
         )
-        fit = _fit_attributes(measured.family, fitted)
+        fit = {
+            f"fit_{parameter.name}": getattr(distribution, parameter.name)
+            for parameter, _ in declared_settings(distribution)
+        }
+        fit["fit_test"] = "Kolmogorov-Smirnov distance; p value by parametric bootstrap"
+        fit["fit_statistic"] = fitted.distance
+        fit["fit_p_value"] = fitted.p_value
+        if fitted.is_rejected:
+            fit["fit_warning"] = (
+                f"{measured.family} does not fit the measurements: of samples of the fitted law, "
+                f"a share of {fitted.p_value:.2g} lies as far from it (p value)"
+            )
     fit = {
         "fit_family": measured.family or "empirical",
         "fit_measurements": len(values),
@@ -244,22 +255,6 @@ def _fit(
         for problem in error.problems:
             table.add_problem("family", f"{problem.found}, in {source}", problem.expected)
     return None
-
-
-def _fit_attributes(family: str, fitted: DistributionFit) -> dict[str, str | int | float]:
-    attributes = {
-        f"fit_{parameter.name}": getattr(fitted.distribution, parameter.name)
-        for parameter, _ in declared_settings(fitted.distribution)
-    }
-    attributes["fit_test"] = "Kolmogorov-Smirnov distance; p value by parametric bootstrap"
-    attributes["fit_statistic"] = fitted.distance
-    attributes["fit_p_value"] = fitted.p_value
-    if fitted.is_rejected:
-        attributes["fit_warning"] = (
-            f"{family} does not fit the measurements: of samples of the fitted law, a share of "
-            f"{fitted.p_value:.2g} lies as far from it (p value)"
-        )
-    return attributes
 
 
 Entry = FixedInput | RandomInput

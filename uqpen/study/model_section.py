@@ -364,7 +364,14 @@ def read_model_class(table: TableReader) -> Model | None:
         table.add_wrong("use", name, expected)
         return None
     if is_reference(name) and not table.trust:
-        return _unloaded(table, name)
+        known = (table.document.objects or {}).get(table.path)
+        if isinstance(known, UnloadedModel):
+            for key in table.content:  # the class alone knows its settings
+                table.take(key)
+            return known
+        expected = "a built-in model: the inputs of others are known by code that is not executed"
+        table.add_wrong("use", name, expected)
+        return None
     model, surroundings = read_instance(table, "use", name, MODEL)
     if model is None:
         return None
@@ -372,17 +379,6 @@ def read_model_class(table: TableReader) -> Model | None:
     for found, expected in faults:
         table.add_problem("use", f"{toml_text(name)}, which has {found}", expected)
     return None if faults else UserDefinedModel(model, name, surroundings)
-
-
-def _unloaded(table: TableReader, name: str) -> UnloadedModel | None:
-    known = (table.document.objects or {}).get(table.path)
-    if isinstance(known, UnloadedModel):
-        for key in table.content:  # the class alone knows its settings
-            table.take(key)
-        return known
-    expected = "a built-in model: the inputs of others are known by code that is not executed"
-    table.add_wrong("use", name, expected)
-    return None
 
 
 @dataclass(frozen=True)

@@ -176,8 +176,9 @@ def function_draft(path: Path, name: str, reference: str) -> Draft:
     check_names(outputs, "output")
     remarks = [f"{', '.join(left)}: left at the default of the function"] if left else []
     remarks.append("it takes its inputs by name, and returns a dict with a number for each output")
+    first = (ast.get_docstring(function) or "").partition("\n")[0].strip().removesuffix(".")
     return Draft(
-        title=_title(function),
+        title=first if first and first.isprintable() else function.name,
         model=(
             f'python = "{reference}:{function.name}"',
             "# vectorized = true      # if it takes arrays with a value for each run",
@@ -188,12 +189,6 @@ def function_draft(path: Path, name: str, reference: str) -> Draft:
         knows_outputs=bool(outputs),
         remarks=tuple(remarks),
     )
-
-
-def _title(function: ast.FunctionDef) -> str:
-    """Return the first line of the docstring of a function; its name where it has none."""
-    first = (ast.get_docstring(function) or "").partition("\n")[0].strip().removesuffix(".")
-    return first if first and first.isprintable() else function.name
 
 
 def _parse(path: Path) -> ast.Module:

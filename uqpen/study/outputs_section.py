@@ -464,24 +464,20 @@ def _load_analysis(root: TableReader, reference: str) -> UserDefinedAnalysis:
     An analysis of an installed package has a name without a colon, and needs no trust.
     """
     if ":" not in reference:
-        return UserDefinedAnalysis(reference, _installed_function(reference))
+        installed = installed_members(_GROUP)
+        if reference not in installed:
+            found = f'"{reference}" is not of the form "my_analysis.py:function", nor installed'
+            raise ModelError(f"{found}; {choices(reference, installed)}")
+        function: Callable[..., Any] = load_installed(_GROUP, reference)
+        if not callable(function):
+            raise ModelError(f'"{reference}" is an object of class {type(function).__name__}')
+        check_signature(function, "", _ARGUMENTS)
+        return UserDefinedAnalysis(reference, function)
     if not root.trust:
         return UserDefinedAnalysis(reference, _refuse)
     function, surroundings = load_function(reference, root.folder)
     check_signature(function, "", _ARGUMENTS)
     return UserDefinedAnalysis(reference, function, surroundings)
-
-
-def _installed_function(name: str) -> Callable[..., Any]:
-    installed = installed_members(_GROUP)
-    if name not in installed:
-        found = f'"{name}" is not of the form "my_analysis.py:function", nor installed'
-        raise ModelError(f"{found}; {choices(name, installed)}")
-    function: Callable[..., Any] = load_installed(_GROUP, name)
-    if not callable(function):
-        raise ModelError(f'"{name}" is an object of class {type(function).__name__}')
-    check_signature(function, "", _ARGUMENTS)
-    return function
 
 
 def _refuse(*arguments: object) -> Iterator[Any]:

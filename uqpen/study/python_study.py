@@ -689,23 +689,24 @@ class Study(ValidatedStudy):
 
 def _read(made: StudyContent, name: str) -> ValidatedStudy:
     """Read the content of a study as its text is read."""
-    document = parse_document(_text(made.content), "uqpen.Study", made.objects, ArgumentsDocument)
+    ordered = {key: made.content[key] for key in SECTIONS if key in made.content}
+    text = tomli_w.dumps(ordered, multiline_strings=True)
+    if tomllib.loads(text) != ordered:  # a multi-line text loses carriage returns
+        text = tomli_w.dumps(ordered)
+    document = parse_document(text, "uqpen.Study", made.objects, ArgumentsDocument)
     try:
         study = read_study(document, name, made.folder, trust=True)
     except StudyError as error:
-        further = [each for each in error.problems if not _is_within(each, made.problems)]
+        # Without the consequences of others: those whose path is that of another, or within it.
+        further = [
+            each
+            for each in error.problems
+            if not any(each.path[: len(other.path)] == other.path for other in made.problems)
+        ]
         raise document.error([*made.problems, *further]) from None
     if made.problems:
         raise document.error(made.problems)
     return study
-
-
-def _text(content: Mapping[str, Any]) -> str:
-    """Return the text of a study, its tables in a fixed order."""
-    ordered = {key: content[key] for key in SECTIONS if key in content}
-    text = tomli_w.dumps(ordered, multiline_strings=True)
-    # A multi-line text loses carriage returns.
-    return text if tomllib.loads(text) == ordered else tomli_w.dumps(ordered)
 
 
 def load_study(path: str | Path) -> Study:
@@ -722,8 +723,3 @@ def load_study(path: str | Path) -> Study:
         Listing every mistake with its line, what was found and what is expected.
     """
     return Study.of(read_file(path))
-
-
-def _is_within(problem: Problem, others: Sequence[Problem]) -> bool:
-    """Check for a consequence of another problem: its path is that of the other, or within it."""
-    return any(problem.path[: len(other.path)] == other.path for other in others)

@@ -167,7 +167,12 @@ def read_instance(
                 table.check_unknown_keys()
                 made = cls()
         if isinstance(made, Distribution):
-            _try_distribution(made)
+            # Whatever is wrong with its functions is raised here.
+            probability = np.array([0.25, 0.5])
+            values = made.ppf(probability)
+            for function in (made.isf, made.cdf, made.sf):
+                if np.shape(function(probability if function == made.isf else values)) != (2,):
+                    raise ValueError("its functions do not keep the shape of an array")
     except ModelError as error:
         table.add_problem(key, str(error), kind.expected)
     except Exception as error:  # a user-defined class can raise anything
@@ -228,15 +233,6 @@ def _member_class(module: ModuleType, attribute: str, reference: str, kind: Kind
     if fault := _class_fault(cls, kind):
         raise ModelError(f'"{reference}", which {fault}')
     return cls
-
-
-def _try_distribution(distribution: Distribution) -> None:
-    """Call the functions of a distribution: whatever is wrong with them is raised here."""
-    probability = np.array([0.25, 0.5])
-    values = distribution.ppf(probability)
-    for function in (distribution.isf, distribution.cdf, distribution.sf):
-        if np.shape(function(probability if function == distribution.isf else values)) != (2,):
-            raise ValueError("its functions do not keep the shape of an array")
 
 
 def class_reference(member: object, folder: Path, kind: Kind) -> str:
