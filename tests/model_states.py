@@ -27,7 +27,7 @@ from uqpen.archive.files import FILES, files_group
 from uqpen.checkpoints.identity import compare_models, compared_names
 from uqpen.execution.batch import Batch
 from uqpen.execution.evaluator import Evaluator, EvaluatorWork
-from uqpen.study.identity import model_identity
+from uqpen.study.identity import archived_identity, model_identity
 from uqpen.study.study import ONLY_MODEL, ValidatedStudy
 from uqpen.workflow import root_attributes
 
@@ -105,7 +105,7 @@ def compare(folder: Path, files: Mapping[str, str], before: Record) -> dict[str,
     groups = {"/": xr.Dataset(attrs=attributes)}
     tree = xr.DataTree.from_dict(groups | ({f"/{FILES}": group} if group.variables else {}))
     model = model_identity(study, ONLY_MODEL)
-    found = compare_models(model, tree, ONLY_MODEL)
+    found = compare_models(model, archived_identity(tree).models[ONLY_MODEL])
     _, uncompared = compared_names(model, found.dependencies)
     return {"changes": [*found.changes], "uncompared": [*uncompared]}
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from itertools import takewhile
@@ -14,7 +13,6 @@ from typing import Any, NamedTuple
 
 import xarray as xr
 
-from uqpen.archive.files import FILES, archived_files
 from uqpen.archive.provenance import provenance_differences
 from uqpen.archive.read import group_names, model_trees, read_group
 from uqpen.core.dependency import IMPORTED, LIBRARY, MODULE, OPENED, Dependency
@@ -22,7 +20,7 @@ from uqpen.core.labels import DEPENDENCIES, RUNS
 from uqpen.core.status import Status
 from uqpen.execution import status_counts
 from uqpen.models.dependencies import current_sha256
-from uqpen.study.identity import ModelIdentity, StudyIdentity, model_tables
+from uqpen.study.identity import MODEL_PREFIX, ModelIdentity, StudyIdentity
 
 _SOURCE, _VERSION = "source_sha256", "version"
 
@@ -49,7 +47,7 @@ class ModelComparison(NamedTuple):
     made_with: tuple[str, ...] = ()
 
 
-def compare_models(model: ModelIdentity, tree: xr.DataTree, archived_name: str) -> ModelComparison:
+def compare_models(model: ModelIdentity, archived: ModelIdentity) -> ModelComparison:
     """Compare a model of an archive with one of a study; nothing of the archive is executed.
 
     What the archive's runs depend on is compared with what is there now, under the same names, also
@@ -57,42 +55,29 @@ def compare_models(model: ModelIdentity, tree: xr.DataTree, archived_name: str) 
     """
     if model.unknown:
         return ModelComparison((model.unknown,))
-    files = {file.name: file.sha256 for file in archived_files(read_group(tree, FILES))}
     # Those that it opens are compared below: a start may have written what the next one reads.
     opened = {each.name for each in model.dependencies if each.role in (OPENED, LIBRARY)}
     own = [name for name in model.files if name not in opened]
-    attributes = {
-        str(key): str(value) for key, value in model_trees(tree)[archived_name].attrs.items()
-    }
-    lines = frozenset(filter(None, attributes.get(DEPENDENCIES, "").split("\n")))
-    used, used_now = _compared_dependencies(model, sorted(map(Dependency.from_line, lines)))
-    start = "model_"
-    before = {key[len(start) :]: attributes[key] for key in attributes if key.startswith(start)}
-    table, constraints = model_tables(tomllib.loads(str(tree.attrs["study_text"])), archived_name)
-    changed = [
-        *fingerprint_changes(
-            {
-                **table,
-                **_versions(before, model),
-                **{f"file {name}": files[name] for name in own if name in files},
-                **used,
-            },
-            {
-                **model.table,
-                **_versions(model.attributes, model),
-                **{f"file {name}": model.files[name].sha256 for name in own},
-                **used_now,
-            },
+    before, now = (
+        {
+            **each.table,
+            **_versions(each.attributes, model),
+            **{f"file {name}": each.files[name] for name in own if name in each.files},
+            **used,
+        }
+        for each, used in zip(
+            (archived, model), _compared_dependencies(model, archived.dependencies), strict=True
         )
-    ]
-    software = {key: value for key, value in tree.attrs.items() if key in model.software}
+    )
+    changed = list(fingerprint_changes(before, now))
+    software = {key: archived.software[key] for key in model.software if key in archived.software}
     differences = provenance_differences(software, model.software)
     others = ", ".join(f"{what} {then}" for what, then, _ in differences)
-    domain = [change.text for change in fingerprint_changes(constraints, model.constraints)]
+    domain = [each.text for each in fingerprint_changes(archived.constraints, model.constraints)]
     changes = [change.text for change in changed if not change.is_limit]
     return ModelComparison(
         (*changes, *(domain if model.depends_on_batch else ())),
-        lines,
+        frozenset(each.line for each in archived.dependencies),
         not any(change.is_limit for change in changed),
         not domain,
         (f"runs made with {others}",) if others else (),
@@ -156,7 +141,7 @@ def _versions(attributes: Mapping[str, str], model: ModelIdentity) -> dict[str, 
 
 
 def is_unchanged(
-    study: StudyIdentity, tree: xr.DataTree, comparisons: Mapping[str, ModelComparison]
+    study: StudyIdentity, archived: StudyIdentity, comparisons: Mapping[str, ModelComparison]
 ) -> bool:
     """Check that a study would make the archive again that is there: text, files, versions.
 
@@ -167,11 +152,11 @@ def is_unchanged(
     kept = {
         key: value
         for key, value in study.attributes.items()
-        if not key.startswith("model_") and key != DEPENDENCIES
+        if not key.startswith(MODEL_PREFIX) and key != DEPENDENCIES
     }
     if (
         not study.is_known
-        or any(str(tree.attrs.get(key)) != str(value) for key, value in kept.items())
+        or any(str(archived.attributes.get(key)) != str(value) for key, value in kept.items())
         or [*comparisons] != [*study.models]
         or any(each.changes or not each.is_same_limit for each in comparisons.values())
     ):
@@ -182,9 +167,11 @@ def is_unchanged(
         for model, found in comparisons.items()
         for name in compared_names(study.models[model], found.dependencies)[0]
     }
-    files = {name: file.sha256 for name, file in study.files.items() if name not in compared}
-    archived = archived_files(read_group(tree, FILES))
-    return files == {file.name: file.sha256 for file in archived if file.name not in compared}
+    now, then = (
+        {name: sha256 for name, sha256 in each.files.items() if name not in compared}
+        for each in (study, archived)
+    )
+    return now == then
 
 
 def has_missing_runs(tree: xr.DataTree) -> bool:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.files import FILES, archived_files, files_by_name
+from uqpen.archive.files import files_by_name
 from uqpen.archive.read import group_names, model_trees, read_group, read_unchecked
 from uqpen.archive.write import prepare_destination, write
 from uqpen.checkpoints.folder import FAILED, CheckpointFolder, lock_archive
@@ -188,7 +188,7 @@ def _stays(
     }
     return (
         [*model_trees(replaced.tree)] == [*of_same_name]
-        and is_unchanged(identity, replaced.tree, of_same_name)
+        and is_unchanged(identity, replaced.identity, of_same_name)
         and not (resume.repeat_failed and has_missing_runs(replaced.tree))
         and is_as_made(recheck, replaced)
     )
@@ -315,7 +315,7 @@ def lacks_runs(study: ValidatedStudy, tree: xr.DataTree, earlier: ArchivePlace) 
 
     Only runs that are ok count: of the others, a study takes those that it would make.
     """
-    if _lacks_designs(study, earlier.tree):
+    if _lacks_designs(study, earlier):
         return True
     new = model_trees(tree)
     for archived, group in model_trees(earlier.tree).items():
@@ -326,15 +326,14 @@ def lacks_runs(study: ValidatedStudy, tree: xr.DataTree, earlier: ArchivePlace) 
     return False
 
 
-def _lacks_designs(study: ValidatedStudy, earlier: xr.DataTree) -> bool:
+def _lacks_designs(study: ValidatedStudy, earlier: ArchivePlace) -> bool:
     """Check whether a design without runs, or with very many, was another one."""
-    unused = unused_designs(earlier)
+    unused = unused_designs(earlier.tree)
     if not unused:
         return False
-    before, now = tomllib.loads(str(earlier.attrs["study_text"])), tomllib.loads(study.text)
+    before, now = earlier.identity.content, tomllib.loads(study.text)
     if any(before.get(key) != now.get(key) for key in POINT_TABLES):
         return True
-    known = {file.name: file.sha256 for file in archived_files(read_group(earlier, FILES))}
     for name in unused:
         if name not in study.designs or before["designs"][name] != now["designs"][name]:
             return True
@@ -343,7 +342,7 @@ def _lacks_designs(study: ValidatedStudy, earlier: xr.DataTree) -> bool:
         tables = ("surrogates", "outputs") if is_refined else ()
         files = files_by_name([*study.joint.files, *study.design_files(name)], study.folder)
         if any(before.get(key) != now.get(key) for key in tables) or any(
-            known.get(file) != snapshot.sha256 for file, snapshot in files.items()
+            earlier.identity.files.get(file) != snapshot.sha256 for file, snapshot in files.items()
         ):
             return True
     return False

@@ -53,7 +53,7 @@ from uqpen.execution.batch import BatchResult
 from uqpen.execution.batching import BATCH_SIZE
 from uqpen.execution.checkpoint import Checkpoint
 from uqpen.execution.omitted_runs import are_omitted
-from uqpen.study.identity import StudyIdentity, depends_on_batch
+from uqpen.study.identity import StudyIdentity, archived_identity, depends_on_batch
 from uqpen.study.study import ValidatedStudy
 
 # Folder, beside those of designs, of finished runs that belong to none: they are found by their
@@ -86,6 +86,7 @@ class ArchivePlace(Place):
     """Archive of an earlier study, as a place of finished runs."""
 
     tree: xr.DataTree  # its content
+    identity: StudyIdentity  # what it says of what decided it
     is_named: bool  # true if the user has named it
     # Its models by name, compared with those of the study; by the name of the study's model.
     comparisons: Mapping[str, Mapping[str, ModelComparison]]
@@ -178,8 +179,9 @@ def _open_archive(study: StudyIdentity, path: Path, *, is_named: bool) -> Archiv
     if is_benchmark(tree):
         raise ArchiveError(f"{path}: is the archive of a benchmark, which has no runs of a study")
     log = path.absolute().with_name(f"{path.name}.log")
+    identity = archived_identity(tree)
     comparisons = {
-        name: {archived: compare_models(model, tree, archived) for archived in model_trees(tree)}
+        name: {archived: compare_models(model, its) for archived, its in identity.models.items()}
         for name, model in study.models.items()
     }
     now = study.content.get("designs", {})
@@ -190,7 +192,9 @@ def _open_archive(study: StudyIdentity, path: Path, *, is_named: bool) -> Archiv
         f"study {str(tree.attrs['study_sha256'])[:16]}, made with "
         f"{texts or 'the same versions and kind of processor as here'}"
     )
-    return ArchivePlace(shown_path(path), log, tree, is_named, comparisons, changed, made_with)
+    return ArchivePlace(
+        shown_path(path), log, tree, identity, is_named, comparisons, changed, made_with
+    )
 
 
 def sources_of_archives(

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import json
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from uqpen.archive.files import files_by_name
+import xarray as xr
+
+from uqpen.archive.files import FILES, archived_files, files_by_name
 from uqpen.archive.provenance import CONVENTIONS, SCHEMA, of_python_functions, provenance
-from uqpen.archive.read import SCHEMA_ATTRIBUTE
+from uqpen.archive.read import SCHEMA_ATTRIBUTE, model_trees, read_group
 from uqpen.core.catalogue import INTERVAL_RECIPE
 from uqpen.core.dependency import Dependency
 from uqpen.core.files import FileSnapshot
@@ -37,8 +40,12 @@ from uqpen.surrogates.refinement import RefinedDesign
 POINT_TABLES = tuple(key for key, section in SECTIONS.items() if section.determines_points)
 
 
+# Begins the names of attributes of an archive that distinguish the versions of a model.
+MODEL_PREFIX = "model_"
+
+
 class ModelIdentity(NamedTuple):
-    """What decides the result of a model's run at given inputs."""
+    """What decides the result of a model's run at given inputs: in a study, or in an archive."""
 
     # Its name, and what distinguishes its versions, as in `Model.identity`.
     attributes: Mapping[str, str]
@@ -46,36 +53,45 @@ class ModelIdentity(NamedTuple):
     # that it sets.
     table: Mapping[str, str]
     constraints: Mapping[str, str]
-    # The files that it names, and those that it has used so far, by name.
-    files: Mapping[str, FileSnapshot]
+    # The hashes of the files that it names, and of those that it has used so far, by name; in an
+    # archive those of all models.
+    files: Mapping[str, str]
     dependencies: tuple[Dependency, ...]  # what it has used so far
-    uncompared: tuple[str, ...]  # what decides its runs and cannot be compared, in words
-    # Why its versions cannot be distinguished from those of an archive; empty if they can.
-    unknown: str
-    depends_on_batch: bool  # true if its results may depend on the runs that are made with them
     software: Mapping[str, str]  # versions that its last digits depend on
-    fingerprint: Mapping[str, str]  # all of that which says whether finished runs are still its own
-    folder: Path  # folder of the study
-    surroundings: ModelFolder | None  # the folder from which its runs import modules
+
+    # What no archive says.
+
+    uncompared: tuple[str, ...] = ()  # what decides its runs and cannot be compared, in words
+    # Why its versions cannot be distinguished from those of an archive; empty if they can.
+    unknown: str = ""
+    # True if its results may depend on the runs that are made with them.
+    depends_on_batch: bool = False
+    # All of that which says whether finished runs are still its own.
+    fingerprint: Mapping[str, str] = MappingProxyType({})
+    folder: Path = Path()  # folder of the study
+    surroundings: ModelFolder | None = None  # the folder from which its runs import modules
 
 
 class StudyIdentity(NamedTuple):
-    """What decides the archive of a study, gathered at one moment."""
+    """What decides the archive of a study, gathered at one moment, or stated by the archive."""
 
-    attributes: Mapping[str, str | int | float]  # those of the archive's root
-    content: Mapping[str, Any]  # the text of the study, parsed
+    attributes: Mapping[str, Any]  # those of the archive's root
+    content: Mapping[str, Any]  # the text of the study, parsed; empty for a text that is damaged
     models: Mapping[str, ModelIdentity]  # by name
+    files: Mapping[str, str]  # the hashes of all files that it names, by name
+
+    # What no archive says.
+
     # The properties that determine the runs of a design, by model and design.
-    runs: Mapping[tuple[str, str], Mapping[str, str]]
-    files: Mapping[str, FileSnapshot]  # all files that it names, by name
+    runs: Mapping[tuple[str, str], Mapping[str, str]] = MappingProxyType({})
     # Why versions of its parts cannot be distinguished, each with a word for the part.
-    unknown: tuple[tuple[str, str], ...]
-    is_known: bool  # true if the archive states the version of all that the study consists of
+    unknown: tuple[tuple[str, str], ...] = ()
+    is_known: bool = True  # true if the archive states the version of all that it consists of
 
 
 def study_identity(study: ValidatedStudy) -> StudyIdentity:
     """Gather what decides the archive of a study."""
-    content, files = tomllib.loads(study.text), tuple(study.files())
+    content = tomllib.loads(study.text)
     objects = user_defined_objects(content)
     reasons = (variant.model.unknown_dependency for variant in study.models.values())
     unknown = [(reason, "the model") for reason in reasons if reason]
@@ -96,8 +112,8 @@ def study_identity(study: ValidatedStudy) -> StudyIdentity:
         {**root_attributes(study), **level_attribute(study)},
         content,
         {name: model_identity(study, name) for name in study.models},
+        _file_hashes(study.files(), study.folder),
         runs,
-        files_by_name(files, study.folder),
         tuple(unknown),
         is_known,
     )
@@ -121,16 +137,54 @@ def model_identity(study: ValidatedStudy, name: str) -> ModelIdentity:
         model.identity(),
         table,
         constraints,
-        files_by_name(model.files(), study.folder),
+        _file_hashes(model.files(), study.folder),
         tuple(map(Dependency.from_line, model.dependencies())),
+        software,
         tuple(model.uncompared),
         unknown,
         depends_on_batch(model),
-        software,
         {**dict(_flatten_tables(tables)), **_model_properties(model), **software},
         study.folder,
         surroundings,
     )
+
+
+def archived_identity(tree: xr.DataTree) -> StudyIdentity:
+    """Gather what an archive says of what decided it; nothing of it is executed."""
+    content = archived_content(tree)
+    files = {file.name: file.sha256 for file in archived_files(read_group(tree, FILES))}
+    models = {}
+    for name, model in model_trees(tree).items():
+        attributes = {str(key): str(value) for key, value in model.attrs.items()}
+        lines = sorted(filter(None, attributes.get(DEPENDENCIES, "").split("\n")))
+        models[name] = ModelIdentity(
+            {
+                key.removeprefix(MODEL_PREFIX): value
+                for key, value in attributes.items()
+                if key.startswith(MODEL_PREFIX)
+            },
+            *model_tables(content, name),
+            files,
+            tuple(map(Dependency.from_line, lines)),
+            {str(key): str(value) for key, value in tree.attrs.items()},
+        )
+    attributes = {str(key): value for key, value in tree.attrs.items()}
+    return StudyIdentity(attributes, content, models, files)
+
+
+def archived_content(tree: xr.DataTree) -> dict[str, Any]:
+    """Parse the text of the study of an archive; empty for a text that is damaged.
+
+    Whoever reads the study says what is wrong with it.
+    """
+    try:
+        return tomllib.loads(str(tree.attrs.get("study_text", "")))
+    except (ValueError, RecursionError):
+        return {}
+
+
+def _file_hashes(files: Iterable[FileSnapshot], folder: Path) -> dict[str, str]:
+    return {name: file.sha256 for name, file in files_by_name(files, folder).items()}
 
 
 def model_tables(content: Mapping[str, Any], name: str) -> tuple[dict[str, str], dict[str, str]]:
@@ -261,6 +315,6 @@ def model_attributes(model: Model) -> dict[str, str]:
     """Return the identity of a model, and what its runs depend on, as attributes of its group."""
     lines = sorted(model.dependencies())
     return {
-        **{f"model_{key}": value for key, value in model.identity().items()},
+        **{f"{MODEL_PREFIX}{key}": value for key, value in model.identity().items()},
         **({DEPENDENCIES: "\n".join(lines)} if lines else {}),
     }

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import os
-import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,8 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.files import FILES, ArchivedFile, archived_files, extract_files, files_by_name
+from uqpen.archive.files import FILES, archived_files, extract_files
 from uqpen.archive.read import group_names, is_benchmark, model_trees, read_group
+from uqpen.core.dependency import file_sha256
 from uqpen.core.errors import ArchiveError, ModelError, SettingsError, StudyError, UqpenError
 from uqpen.core.labels import CURVE_MAY_END, DERIVED_FROM, ROLE, RUN, RUNS, SAMPLING, SURROGATES
 from uqpen.core.model import Category, Dimension, Input, Output
@@ -24,6 +23,12 @@ from uqpen.designs.design import UnloadedDesign
 from uqpen.models.unloaded_model import UnloadedModel
 from uqpen.study.data_section import DATA
 from uqpen.study.document import Objects, inner_table
+from uqpen.study.identity import (
+    StudyIdentity,
+    archived_content,
+    archived_identity,
+    study_identity,
+)
 from uqpen.study.load import parse_study
 from uqpen.study.model_section import USER_DEFINED_MODELS
 from uqpen.study.outputs_section import ANALYSES_KEY
@@ -68,7 +73,7 @@ class NamedCode(NamedTuple):
 
 def named_code(tree: xr.DataTree) -> NamedCode:
     """Return what the study of an archive names that is not built in."""
-    content = _content(tree)
+    content = archived_content(tree)
     several = content.get("models")
     tables = [content.get("model"), *(several.values() if isinstance(several, dict) else ())]
     models = [table for table in tables if isinstance(table, dict)]
@@ -86,13 +91,6 @@ def named_code(tree: xr.DataTree) -> NamedCode:
         },
         data=[str(table[DATA]) for table in models if DATA in table],
     )
-
-
-def _content(tree: xr.DataTree) -> dict[str, Any]:
-    try:
-        return tomllib.loads(str(tree.attrs.get("study_text", "")))
-    except (ValueError, RecursionError):
-        return {}  # whoever reads the study will say what is wrong with it
 
 
 def _model_code(table: Mapping[str, Any]) -> str:
@@ -189,7 +187,7 @@ def _stand_ins(tree: xr.DataTree, *, trust: bool) -> dict[tuple[str | int, ...],
     `parse_study`. Objects of a Python program have a stand-in also where classes are trusted.
     """
     found: dict[tuple[str | int, ...], object] = {}
-    content = _content(tree)
+    content = archived_content(tree)
     for name, group in model_trees(tree).items():
         path = ("models", name) if name else ("model",)
         table = inner_table(content, *path)
@@ -277,11 +275,11 @@ def restored_study(
         If the study cannot be read, for example because a file that it names is missing.
     """
     here = Path.cwd()
-    files = archived_files(read_group(tree, FILES))
+    identity, files = archived_identity(tree), archived_files(read_group(tree, FILES))
     if folder is not None or not files:
         folder = folder or here
         study = archived_study(tree, folder, trust=trust, objects=objects)
-        differing = _different_files(study, files, folder.absolute())
+        differing = _different_files(study, identity, folder.absolute())
         # No other stands in for a file that the archive knows by its hash alone.
         known = {file.name for file in files if not file.is_whole}
         if refused := [reason for name, reason in differing.items() if name in known]:
@@ -298,7 +296,7 @@ def restored_study(
             advice = "the files that it names are the archived ones (others: --folder)"
             problems = error.problems if isinstance(error, StudyError) else ()
             raise StudyError("\n".join([message, "", *missing, advice]), problems) from None
-        if differing := _different_files(study, files, None):
+        if differing := _different_files(study, identity, None):
             advice = "named by an absolute path, and changed since then (use it anyway: --folder)"
             raise ArchiveError("\n".join([*differing.values(), advice]))
         yield RestoredStudy(study, has_kept_files=True, different_files=[])
@@ -332,12 +330,11 @@ def with_kept_folders(study: ValidatedStudy, folder: Path) -> ValidatedStudy:
 
 
 def _different_files(
-    study: ValidatedStudy, files: Sequence[ArchivedFile], folder: Path | None
+    study: ValidatedStudy, archived: StudyIdentity, folder: Path | None
 ) -> dict[str, str]:
     """Return the difference of each file from the archived one, including files in a folder."""
-    kept = {file.name: file.sha256 for file in files}
-    read = {name: file.sha256 for name, file in files_by_name(study.files(), study.folder).items()}
-    beside = {name: _sha256(folder / name) for name in kept.keys() - read.keys() if folder}
+    kept, read = archived.files, study_identity(study).files
+    beside = {name: file_sha256(folder / name) for name in kept.keys() - read.keys() if folder}
     differing = {name: f"{name}: is not there" for name, found in beside.items() if not found}
     for name, found in sorted({**read, **beside}.items()):
         # An absolute path can have been another on the machine that made the archive.
@@ -345,14 +342,6 @@ def _different_files(
             expected = kept.get(name, "none, as the archive has no such file")
             differing[name] = f"{name}: found the SHA-256 {found}, expected {expected}"
     return differing
-
-
-def _sha256(path: Path) -> str:
-    """Return the hash of a file; empty where there is none."""
-    try:
-        return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
-    except (OSError, ValueError):
-        return ""
 
 
 # The runs

@@ -22,7 +22,12 @@ from uqpen.models import MODELS
 from uqpen.models.data.data_model import DataModel
 from uqpen.models.source import source_sha256
 from uqpen.study.document import Objects
-from uqpen.study.study import ValidatedStudy
+from uqpen.study.identity import (
+    MODEL_PREFIX,
+    StudyIdentity,
+    archived_identity,
+    study_identity,
+)
 from uqpen.verification.archived_study import (
     NamedCode,
     archived_runs,
@@ -35,8 +40,7 @@ from uqpen.verification.repetition import Repetition
 from uqpen.verification.unrepeated import ADVICE, leave_out, omitted_designs
 from uqpen.workflow.repetition import TOLERANCE
 
-# Attributes that describe a model, and what distinguishes its versions.
-_MODEL = "model_"
+# Keys of what distinguishes the versions of a model.
 _SOURCE, _PROGRAM = "source_sha256", "program_sha256"
 
 
@@ -167,8 +171,8 @@ def _check_environment(tree: xr.DataTree) -> CheckResult:
     ]
     reused = [line for line in str(tree.attrs.get(REUSED_RUNS, "")).split("\n") if line]
     sources: list[str] = []
-    for model in model_trees(tree).values():
-        name, archived = (str(model.attrs.get(f"{_MODEL}{key}", "")) for key in ("name", _SOURCE))
+    for model in archived_identity(tree).models.values():
+        name, archived = (model.attributes.get(key, "") for key in ("name", _SOURCE))
         if name in MODELS and archived:
             found = source_sha256(MODELS[name].partition(":")[0])
             if found != archived:
@@ -206,10 +210,10 @@ def _repeat(repetition: Repetition, tree: xr.DataTree, *, trust: bool) -> Iterat
     if not study.designs:
         return
     ignored = {CONTENT, RECIPE, REUSED_RUNS, DEPENDENCIES, *provenance(), *of_python_functions()}
-    ignored |= {f"{_MODEL}{name}" for name in ("version", _SOURCE, _PROGRAM)}
+    ignored |= {f"{MODEL_PREFIX}{name}" for name in ("version", _SOURCE, _PROGRAM)}
     if is_untrusted:  # some attributes are known only of a loaded model
         attributes = {str(name) for model in model_trees(tree).values() for name in model.attrs}
-        ignored |= {name for name in attributes if name.startswith(_MODEL)}
+        ignored |= {name for name in attributes if name.startswith(MODEL_PREFIX)}
     try:
         yield replace(repetition, study=study).check_statistics(tree, ignored)
     except StudyError as error:  # a user-defined analysis fails here
@@ -223,13 +227,11 @@ def _repeat_runs(repetition: Repetition, tree: xr.DataTree) -> Iterator[CheckRes
     for variant in study.models.values():
         repetition.progress.start_preparation(variant.model.name)
         variant.model.prepare()
-    programs = []
-    for name, model_tree in model_trees(tree).items():
-        model = study.models[name].model
-        archived = str(model_tree.attrs.get(f"{_MODEL}{_PROGRAM}", ""))
-        found = model.identity().get(_PROGRAM, "")
-        if found != archived:
-            programs.append(f"{model.name} {archived[:8]} (here {found[:8]})")
+    archived = archived_identity(tree)
+    programs = [
+        f"{name} {before[:8]} (here {now[:8]})"
+        for name, before, now in _changed(_PROGRAM, study_identity(study), archived)
+    ]
     if programs:
         message = f"another than then: {', '.join(programs)}"
         yield CheckResult("program", CheckOutcome.CLOSE, message)
@@ -239,23 +241,26 @@ def _repeat_runs(repetition: Repetition, tree: xr.DataTree) -> Iterator[CheckRes
         yield repetition.check_runs()
     if omitted:
         yield repetition.check_batches()
-    yield from _check_sources(study, tree)
-
-
-def _check_sources(study: ValidatedStudy, tree: xr.DataTree) -> Iterator[CheckResult]:
-    """Check that the source of user-defined models is unchanged, where it was not archived."""
-    details = []
-    for name, model_tree in model_trees(tree).items():
-        model, archived = study.models[name].model, model_tree.attrs.get(f"{_MODEL}{_SOURCE}")
-        if model.name in MODELS or not archived or (FILES in tree.children and not model.is_object):
-            continue  # the archived files are what it was made with
-        found = model.identity().get(_SOURCE)
-        if found != archived:
-            differ = f"found the SHA-256 {found}, expected {archived}"
-            details.append(f"{model.name} and what it imports: {differ}")
+    # Archived files are what a model in a file was made with. The runs tell what it imports.
+    objects = [each.model.name for each in study.models.values() if each.model.is_object]
+    details = tuple(
+        f"{name} and what it imports: found the SHA-256 {now or None}, expected {before}"
+        for name, before, now in _changed(_SOURCE, study_identity(study), archived)
+        if before and name not in MODELS and (name in objects or not archived.files)
+    )
     if details:
         message = "not the source of the models that it was made with"
-        yield CheckResult("source", CheckOutcome.DIFFERENT, message, tuple(details))
+        yield CheckResult("source", CheckOutcome.DIFFERENT, message, details)
+
+
+def _changed(
+    key: str, study: StudyIdentity, archived: StudyIdentity
+) -> Iterator[tuple[str, str, str]]:
+    """Yield the name of each model with another attribute: its value in the archive, and here."""
+    for label, model in study.models.items():
+        before, now = (each.attributes.get(key, "") for each in (archived.models[label], model))
+        if before != now:
+            yield model.attributes["name"], before, now
 
 
 def _repeat_points(repetition: Repetition, named: NamedCode) -> Iterator[CheckResult]:
