@@ -373,7 +373,7 @@ def test_what_a_run_has_started_ends_with_its_time(tmp_path):
         # Nothing ends before the last process that could write to it.
         said = process.communicate(timeout=60)[0].decode()
     assert process.returncode == 3
-    assert "2 timed out" in said
+    assert "took longer than 0.3 s" in said
 
 
 IMPORTS = """\
@@ -388,16 +388,15 @@ def f(x):
 """
 
 
-@pytest.mark.parametrize("workers", [1, 2])
-def test_imports_are_no_part_of_the_time_of_a_run(tmp_path, workers):
-    (tmp_path / "slow_module.py").write_text("import time\ntime.sleep(1.5)\n")
+def test_imports_are_no_part_of_the_time_of_a_run(tmp_path):
+    (tmp_path / "slow_module.py").write_text("import time\ntime.sleep(1.1)\n")
     models = f'[model]\ntime_limit = "1 s"\n{MODEL}'.replace(
         'outputs = { y = "m" }', 'outputs = { y = "m", calls = "1" }'
     )
     text = study(tmp_path, IMPORTS, models=models)
     model = uqpen.parse_study(text, folder=tmp_path).model
     x = np.array([0.25, 0.5, 2.0, 0.75, 1.0])
-    with processes(workers) as pool:
+    with processes(1) as pool:
         runs = evaluate(Evaluator(model), points(*x), {}, EvaluationOptions(map=pool))
     lost = x > 1.5
     assert (runs["status"].values == np.where(lost, Status.TIMED_OUT, Status.OK)).all()

@@ -363,8 +363,8 @@ def is_running(process):
 
 
 def ends(process):
-    """Whether a process ends soon."""
-    deadline = time.monotonic() + 10
+    """Whether a process ends before the 300 s that it would sleep."""
+    deadline = time.monotonic() + 100
     while is_running(process) and time.monotonic() < deadline:
         time.sleep(0.01)
     return not is_running(process)
@@ -382,7 +382,7 @@ def test_a_run_that_hangs_is_ended_with_all_its_children(home, grouped):
     begun = time.monotonic()
     found = outcome(home, script, 'time_limit = "0.5 s"')
     assert found == (Status.TIMED_OUT, "took longer than 0.5 s")
-    assert time.monotonic() - begun < 5
+    assert time.monotonic() - begun < 100  # not the 300 s that the children would take
     for process in (home / "log").read_text().split():
         assert ends(int(process))
 
@@ -460,7 +460,7 @@ def test_no_folder_is_left_of_a_run_that_is_killed_while_its_output_is_read(home
     words = [sys.executable, "-c", KILLED, str(home.parent / "temporary")]
     assert subprocess.run(words, cwd=home, check=False).returncode == -signal.SIGKILL
     folder = Path((home / "log").read_text().strip())
-    deadline = time.monotonic() + 10
+    deadline = time.monotonic() + 100
     while folder.exists() and time.monotonic() < deadline:
         time.sleep(0.01)
     assert not folder.exists()
@@ -503,7 +503,7 @@ def test_who_stops_the_study_stops_its_programs(home, workers, how):
         said.open("w") as stderr,
         subprocess.Popen(words, cwd=home, stderr=stderr, env=variables) as study,
     ):
-        deadline = time.monotonic() + 30
+        deadline = time.monotonic() + 100
         while not log.exists() or len(log.read_text().split()) < 2 * workers:
             if time.monotonic() > deadline or study.poll() is not None:
                 study.kill()

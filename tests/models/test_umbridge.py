@@ -246,19 +246,19 @@ class TestLostRuns:
         assert set(made["lost_reason"].values) == {reason}
 
     def test_a_run_beyond_the_time_limit(self, address):
-        limit = 'name = "sum"\ntime_limit = "2 s"'
+        limit = 'name = "sum"\ntime_limit = "1 s"'
         model = f'{limit}\nconfig = {{ limit = 0.93, beyond = "sleep" }}'
         made = runs(study(address, model))
         assert set(made["status"].values) == {Status.OK, Status.TIMED_OUT}
-        assert set(made["lost_reason"].values) == {"took longer than 2 s"}
+        assert set(made["lost_reason"].values) == {"took longer than 1 s"}
 
     @pytest.mark.parametrize("case", DRIPS)
     def test_the_time_limit_is_that_of_the_whole_answer(self, case):
         with answering(*BEFORE, drip=DRIPS[case]) as address:
-            limited = study(address, 'time_limit = "1 s"', ("runs = 20", "runs = 1"))
+            limited = study(address, 'time_limit = "0.3 s"', ("runs = 20", "runs = 1"))
             made = runs(limited)
         assert made["status"].values.tolist() == [Status.TIMED_OUT]
-        assert made["lost_reason"].values.tolist() == ["took longer than 1 s"]
+        assert made["lost_reason"].values.tolist() == ["took longer than 0.3 s"]
 
     def test_what_never_ends_is_not_received_for_ever(self, monkeypatch):
         monkeypatch.setattr(umbridge, "_MOST_RECEIVED", 2**17)
