@@ -147,9 +147,12 @@ def _history_charts(
         levels = (each.estimates.attrs.get(INTERVAL_LEVEL) for each in histories)
         covered = percent_text(next(filter(None, levels)))
         keys.insert(0, LegendKey(f"with its {covered} interval", position, series_marker(position)))
-    return Charts(
-        charts=tuple(charts), keys=tuple(keys), tables=(_table(view, output, design, histories),)
-    )
+    columns = [title_with_unit(history.label, history.unit) for history in histories]
+    table = OutputTable(f"{output_title(view, output)} by {design}, by its runs so far", columns)
+    for number, runs in enumerate(histories[0].runs):
+        cells = [table.cell(history.estimates[number], history.convert) for history in histories]
+        table.rows.append((grouped_number(runs), cells))
+    return Charts(charts=tuple(charts), keys=tuple(keys), tables=(table,))
 
 
 def _chart(view: ArchiveView, output: str, design: str, history: _EstimateHistory) -> Chart:
@@ -184,14 +187,3 @@ def _chart(view: ArchiveView, output: str, design: str, history: _EstimateHistor
         height=260,
         of=output,
     )
-
-
-def _table(
-    view: ArchiveView, output: str, design: str, histories: Sequence[_EstimateHistory]
-) -> OutputTable:
-    columns = [title_with_unit(history.label, history.unit) for history in histories]
-    table = OutputTable(f"{output_title(view, output)} by {design}, by its runs so far", columns)
-    for number, runs in enumerate(histories[0].runs):
-        cells = [table.cell(history.estimates[number], history.convert) for history in histories]
-        table.rows.append((grouped_number(runs), cells))
-    return table

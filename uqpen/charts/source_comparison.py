@@ -270,20 +270,14 @@ def _cost_table(
         unit = view.unit(output) if statistic.has_unit else DIMENSIONLESS
         table.columns += [title_with_unit(f"{statistic.label}, half-width", unit), "draws"]
     for source in sources:
-        cells = [_runs(view, source, table)]
+        spent = runs_spent(view.tree, source) or 0
+        sampled = run_count(view.design(source).runs) if source in view.designs else spent
+        note = f"{grouped_number(sampled)} of them are a sample; the others are for its indices"
+        cells = [grouped_number(spent) + table.note_mark(note * (sampled < spent))]
         for _, widths in compared:
             cells += _cells(widths.get(source), widths.get(plain), table)
         table.rows.append((source, cells))
     return table
-
-
-def _runs(view: ArchiveView, source: str, table: OutputTable) -> str:
-    spent = runs_spent(view.tree, source) or 0
-    sampled = spent
-    if source in view.designs:
-        sampled = run_count(view.design(source).runs)
-    note = f"{grouped_number(sampled)} of them are a sample; the others are for its indices"
-    return grouped_number(spent) + table.note_mark(note * (sampled < spent))
 
 
 def _cells(

@@ -406,30 +406,6 @@ def render_page(
     script = f'"use strict";\n(() => {{\n{parts}}})();\n'
     library = _LIBRARY.read_text("utf-8")
     digests = (hashlib.sha256(text.encode("utf-8")).digest() for text in (library, script))
-    return (
-        _environment()
-        .get_template("page.html")
-        .render(
-            title=head.title,
-            facts=head.facts,
-            sections=sections,
-            lacks=lacks,
-            is_full=full,
-            number_of=lambda chart: numbers[id(chart)],
-            anchor_of=lambda block: anchors[id(block)],
-            study=head.study,
-            reference=head.reference,
-            data=charts_json(charts, explorers),
-            style=style,
-            library=library,
-            script=script,
-            # For the page's policy.
-            hashes=[f"sha256-{base64.b64encode(each).decode('ascii')}" for each in digests],
-        )
-    )
-
-
-def _environment() -> jinja2.Environment:
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("uqpen.report", "assets"),
         autoescape=True,
@@ -440,7 +416,23 @@ def _environment() -> jinja2.Environment:
     )
     environment.globals |= {"level": percent_text, "colour": colour_name}
     environment.globals |= {"strokes": STROKES, "outlines": OUTLINES}
-    return environment
+    return environment.get_template("page.html").render(
+        title=head.title,
+        facts=head.facts,
+        sections=sections,
+        lacks=lacks,
+        is_full=full,
+        number_of=lambda chart: numbers[id(chart)],
+        anchor_of=lambda block: anchors[id(block)],
+        study=head.study,
+        reference=head.reference,
+        data=charts_json(charts, explorers),
+        style=style,
+        library=library,
+        script=script,
+        # For the page's policy.
+        hashes=[f"sha256-{base64.b64encode(each).decode('ascii')}" for each in digests],
+    )
 
 
 def _sections(tree: xr.DataTree, own: Sequence[UserDefinedSection]) -> Iterator[FilledSection]:
