@@ -8,7 +8,7 @@ import shutil
 from collections.abc import Iterator
 
 import pytest
-from playwright.sync_api import Browser, sync_playwright
+from playwright.sync_api import Browser, Page, sync_playwright
 
 FLAGS = [
     "--disable-gpu",
@@ -18,6 +18,10 @@ FLAGS = [
     "--disable-component-update",
     "--disable-sync",
 ]
+
+# No chart of a report is drawn, which takes most of the time of a page. Charts have their room all
+# the same.
+IDLE = "window.requestIdleCallback = () => 0; IntersectionObserver.prototype.observe = () => {};"
 
 
 @contextlib.contextmanager
@@ -32,3 +36,9 @@ def chromium() -> Iterator[Browser]:
         started = playwright.chromium.launch(executable_path=path, args=flags)
         yield started
         started.close()
+
+
+def wait_for_charts(page: Page, theme: str = "light") -> None:
+    """Until all charts of a report that are not folded are drawn in a theme."""
+    missing = f".plot:not([data-drawn={theme}], details:not([open]) *)"
+    page.wait_for_selector(f"html[data-ready=yes]:not(:has({missing}))", state="attached")

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 import xarray as xr
-from browsers import chromium
+from browsers import IDLE, chromium, wait_for_charts
 from playwright.sync_api import Browser, Page
 
 import uqpen
@@ -115,7 +115,7 @@ class Shown(NamedTuple):
     said: list[str]
 
 
-Show = Callable[[str], Page]
+Show = Callable[..., Page]
 
 
 class Reports:
@@ -125,12 +125,12 @@ class Reports:
         self._browser = browser
         self._folder = folder
         self._tree_of = tree_of
-        self._shown: dict[str, Shown] = {}
+        self._shown: dict[tuple[str, bool], Shown] = {}
 
-    def opened(self, name: str) -> Shown:
-        if name not in self._shown:
-            self._shown[name] = self._open(self.path(name).as_uri())
-        return self._shown[name]
+    def opened(self, name: str, *, charts: bool = True) -> Shown:
+        if (name, charts) not in self._shown:
+            self._shown[name, charts] = self._open(self.path(name).as_uri(), charts=charts)
+        return self._shown[name, charts]
 
     def path(self, name: str) -> Path:
         path = self._folder / f"{name}.html"
@@ -138,22 +138,17 @@ class Reports:
             write_report(self._tree_of(name), path)
         return path
 
-    def _open(self, address: str) -> Shown:
+    def _open(self, address: str, *, charts: bool) -> Shown:
         page = self._browser.new_page(viewport={"width": WIDE, "height": 900})
         page.set_default_timeout(110_000)  # of a busy machine
         said: list[str] = []
         page.on("console", lambda message: said.append(f"{message.type}: {message.text}"))
         page.on("pageerror", lambda error: said.append(str(error)))
         page.on("request", lambda asked: said.append(asked.url) if asked.url != address else None)
+        if not charts:
+            page.add_init_script(IDLE)
         page.goto(address)
-        _wait(page)
         return Shown(page, said)
-
-
-def _wait(page: Page, theme: str = "light") -> None:
-    """Until all charts are drawn in a theme."""
-    missing = f".plot:not([data-drawn={theme}], details:not([open]) *)"
-    page.wait_for_selector(f"html[data-ready=yes]:not(:has({missing}))", state="attached")
 
 
 @pytest.fixture(scope="module")
@@ -176,14 +171,15 @@ def show(reports: Reports) -> Iterator[Show]:
     """The report of an archive as if it were just opened; in the end it has said nothing."""
     seen: list[Shown] = []
 
-    def show(name: str) -> Page:
-        seen.append(reports.opened(name))
+    def show(name: str, *, charts: bool = True) -> Page:
+        seen.append(reports.opened(name, charts=charts))
         page = seen[-1].page
         page.set_viewport_size({"width": WIDE, "height": 900})
         page.emulate_media(media="screen", color_scheme="light")
         page.mouse.move(0, 0)
         page.evaluate("delete document.documentElement.dataset.theme, scrollTo(0, 0)")
-        _wait(page)
+        if charts:
+            wait_for_charts(page)
         return page
 
     yield show

@@ -6,16 +6,11 @@ import re
 import numpy as np
 import pytest
 from axe_playwright_python.sync_playwright import Axe
+from browsers import wait_for_charts
 
 pytestmark = pytest.mark.slow
 
 WIDE, MIDDLE, PHONE, NARROW = 1200, 700, 400, 320
-
-
-def _wait(page, theme="light"):
-    """Until all charts that are not folded are drawn in a theme."""
-    missing = f".plot:not([data-drawn={theme}], details:not([open]) *)"
-    page.wait_for_selector(f"html[data-ready=yes]:not(:has({missing}))", state="attached")
 
 
 class Runs:
@@ -81,6 +76,9 @@ class TestReadingOff:
         slider.focus()
         before = _holds(page, runs)
         assert before == 0.6
+        # So does the line that follows the threshold.
+        line = "(plot) => plot.layout.shapes.filter((s) => s.line?.width === 2).map((s) => s.x0)"
+        assert page.locator(LEADING_CURVE).first.evaluate(line) == [0.6]
         page.keyboard.press("ArrowRight")
         step = _holds(page, runs) - before
         assert step == pytest.approx(0.005)
@@ -106,7 +104,7 @@ class TestReadingOff:
 
     def test_all_curves_say_their_numbers_under_the_pointer(self, page, runs):
         page.get_by_text("Distribution functions by all methods").first.click()
-        _wait(page)
+        wait_for_charts(page)
         for p in (0.1, 0.5, 0.9):
             x = float(np.quantile(runs.values, p))
             page.mouse.move(*_on_curve(page, x, p, ALL_CURVES))
@@ -152,11 +150,9 @@ def _on_curve(page, x, p, which=LEADING_CURVE):
 
 
 @pytest.mark.parametrize("name", ["concrete", "beam", "lost", "wide", "schema_1_several"])
-def test_it_fits_and_is_accessible_in_both_themes(browser, reports, name):
+def test_it_fits_and_is_accessible_in_both_themes(show, name):
     # Charts are images to the guidelines, and have the width of what is around them.
-    page = browser.new_page()
-    page.add_init_script(IDLE)
-    page.goto(reports.path(name).as_uri())
+    page = show(name, charts=False)
     faults = []
     seen = [(WIDE, "light"), (PHONE, "dark"), (WIDE, "dark"), (PHONE, "light")]
     # Two show every rule at work, as colours do not depend on the width; the others cost time.
@@ -168,12 +164,7 @@ def test_it_fits_and_is_accessible_in_both_themes(browser, reports, name):
     for width in (WIDE, MIDDLE, PHONE, NARROW):
         page.set_viewport_size({"width": width, "height": 900})
         faults += _overflowing(page)
-    page.close()
     assert faults == []
-
-
-# No chart is drawn.
-IDLE = "window.requestIdleCallback = () => 0; IntersectionObserver.prototype.observe = () => {};"
 
 
 def _inaccessible(page):
@@ -215,7 +206,7 @@ def test_charts_follow_the_theme(show):
     page = show("beam")
     light = page.evaluate(COLOURS)
     page.emulate_media(color_scheme="dark")
-    _wait(page, "dark")
+    wait_for_charts(page, "dark")
     dark = page.evaluate(COLOURS)
     for part, colours in light.items():
         assert colours
@@ -226,7 +217,7 @@ def test_charts_follow_the_theme(show):
         assert all(_contrast(line, paper) >= 3 for line in colours["lines"])
     for theme, colours in (("light", light), ("dark", dark), ("light", light)):
         page.get_by_role("button", name=theme.capitalize()).click()
-        _wait(page, theme)
+        wait_for_charts(page, theme)
         assert page.evaluate(COLOURS) == colours
 
 
@@ -256,7 +247,7 @@ FOCUSED = """() => {
 def test_keys_reach_everything_in_the_order_of_the_page(show):
     page = show("beam")
     page.reload()
-    _wait(page)
+    wait_for_charts(page)
     links = page.locator("nav a").evaluate_all("(all) => all.map((a) => a.getAttribute('href'))")
     reached = []
     for _ in range(100):
@@ -276,7 +267,7 @@ def test_keys_reach_everything_in_the_order_of_the_page(show):
 
 
 def test_what_scrolls_is_reached_by_keys(show):
-    page = show("wide")
+    page = show("wide", charts=False)
     page.set_viewport_size({"width": 320, "height": 900})
     # Most tables are folded.
     page.evaluate("document.querySelectorAll('details').forEach((each) => { each.open = true; })")
@@ -305,7 +296,7 @@ def test_on_paper_it_is_light_and_fits(show):
     page = show("beam")
     light = page.evaluate(COLOURS)
     page.emulate_media(color_scheme="dark")
-    _wait(page, "dark")
+    wait_for_charts(page, "dark")
     dark = page.evaluate(COLOURS)
     page.evaluate("dispatchEvent(new Event('beforeprint'))")
     page.emulate_media(media="print")
@@ -336,7 +327,7 @@ def test_a_decision_maker_reads_it_to_its_end(show):
     page = show("concrete")
     page.set_viewport_size({"width": 1280, "height": 900})
     page.reload()
-    _wait(page)
+    wait_for_charts(page)
     assert page.evaluate(WORDS) <= 1_500
     assert page.evaluate("document.documentElement.scrollHeight") <= 8 * 900
     # The verdict, what drives it and the failed runs are on the first screen.
@@ -356,13 +347,12 @@ def test_a_link_opens_a_folded_part(show):
     assert part.get_attribute("open") is None
     page.get_by_role("link", name="Surrogates", exact=True).click()
     assert part.get_attribute("open") is not None
-    _wait(page)
+    wait_for_charts(page)
     drawn = page.locator("#surrogates .plot")
     assert drawn.count() > 0
     assert drawn.first.locator(".main-svg").first.bounding_box()["width"] > 200
     page.reload()
-    _wait(page)
-    assert part.get_attribute("open") is not None, "the address names it"
+    page.wait_for_selector("#surrogates details.part[open]", state="attached")
     part.evaluate("(each) => { each.open = false; }")
     page.evaluate("history.replaceState(null, '', location.pathname)")
 

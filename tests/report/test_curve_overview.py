@@ -87,11 +87,10 @@ def test_a_study_without_curves_has_none(archives):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("theme", ["light", "dark"])
-def test_bands_are_drawn_and_fit(show, theme):
+def test_bands_are_drawn_and_fit(show):
     page = show("pair")
-    page.emulate_media(color_scheme=theme)
-    for width in (1280, 390):
+    for theme, width in (("light", 1280), ("dark", 390)):
+        page.emulate_media(color_scheme=theme)
         page.set_viewport_size({"width": width, "height": 900})
         ready = (
             f"html[data-ready=yes]:not(:has(#answer .plot:not([data-drawn={theme}], details *)))"

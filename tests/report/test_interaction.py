@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from axe_playwright_python.sync_playwright import Axe
+from browsers import IDLE
 from hashed_trees import with_hashes
 from study_text import study_text
 
@@ -157,6 +158,7 @@ class TestThreshold:
         page.wait_for_function("() => decodeURIComponent(location.hash).includes('z>2.5_kg_m-3')")
         assert "y>0.62_m&" in page.evaluate("decodeURIComponent(location.hash)")
         other = browser.new_page()
+        other.add_init_script(IDLE)
         other.goto(page.url)
         read = other.locator(".threshold:not(line)").evaluate_all(
             "(all) => all.map((a) => a.value)"
