@@ -66,6 +66,22 @@ def test_its_archive_is_that_of_a_file(notebook, tmp_path):
         assert archive[group].to_dataset().identical(of_file[group].to_dataset()), group
 
 
+def test_a_mistake_is_its_message_alone(notebook):
+    message = notebook.start(
+        STUDY + "\nstudy().replace(designs={'mc': uqpen.MonteCarlo(runs=40)}, seed=-1)"
+    )
+    reply, _ = notebook.finish(message)
+    assert reply["status"] == "error"
+    shown_lines = "\n".join(reply["traceback"]).splitlines()
+    assert shown_lines[0] == "StudyError: uqpen.Study: 1 mistake; nothing was run"
+    assert len(shown_lines) <= 5
+    assert "Traceback" not in "\n".join(shown_lines)
+    # The traceback is there for who wants it.
+    asked = "import sys, traceback; traceback.print_exception(sys.last_value)"
+    outputs = notebook.run(asked)
+    assert "Traceback" in "".join(output.get("text", "") for output in outputs)
+
+
 def test_an_interrupted_study_goes_on_where_it_was(notebook, tmp_path):
     notebook.run(STUDY)
     notebook.run(

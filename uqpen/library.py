@@ -9,30 +9,36 @@ from typing import Any
 
 from uqpen import workflow
 from uqpen.checkpoints import make_archive as checkpoints
+from uqpen.core.model import Model
 from uqpen.execution import EXECUTORS, Map, Progress
 from uqpen.execution.processes import processes
 from uqpen.notebook import notebook_progress
 from uqpen.results.archive import Archive
-from uqpen.study.python_study import joint_paths
+from uqpen.study.python_study import PythonModel, as_study, joint_paths
 from uqpen.study.study import ValidatedStudy
 from uqpen.study.table_reader import OBJECT
 from uqpen.verification.check_result import CheckResult
 from uqpen.verification.verify import verify as verify_parts
 
+# What is run: a study, the path of its file, or a model beside the other arguments of a study.
+Runnable = ValidatedStudy | str | Path | Callable[..., Mapping[str, Any]] | Model | PythonModel
+
 
 def run(
-    study: ValidatedStudy,
+    study: Runnable,
     *,
     workers: int = 1,
     map: Map | None = None,
     progress: Progress | None = None,
+    **arguments: Any,
 ) -> Archive:
     """Make all runs of a study and analyse them, in memory.
 
     Parameters
     ----------
-    study : Study
-        Made in Python, or read by `load_study`.
+    study : Study, str, Path, or callable
+        A study that was made in Python, or the path of a study file; or a function, with the other
+        arguments of `Study`.
     workers : int
         Number of processes that make runs. No result depends on it. A script that uses more than
         one calls this under ``if __name__ == "__main__":``.
@@ -40,6 +46,9 @@ def run(
         Like the built-in; it makes the batches of runs in place of worker processes.
     progress : Progress, optional
         Receives reports of progress; by default a bar in a notebook.
+    **arguments
+        Arguments of `Study`, such as ``inputs``: of a function all of them, of a study those that
+        take the place of its own.
 
     Returns
     -------
@@ -48,15 +57,18 @@ def run(
 
     Raises
     ------
+    StudyError
+        If the arguments are no study.
     TooManyFailedError
         If more runs fail than the study allows.
     """
+    checked = as_study(study, arguments)
     with _progress(progress) as reporter, _map(workers, map, reporter) as spread:
-        return Archive.of(workflow.run(study, map=spread, progress=reporter))
+        return Archive.of(workflow.run(checked, map=spread, progress=reporter))
 
 
 def make_archive(
-    study: ValidatedStudy,
+    study: Runnable,
     path: str | Path,
     *,
     workers: int = 1,
@@ -67,6 +79,7 @@ def make_archive(
     read_again: bool = False,
     recheck: bool | None = None,
     reuse: Sequence[str | Path] = (),
+    **arguments: Any,
 ) -> Archive:
     """Make the runs of a study, analyse them, and write everything into one archive.
 
@@ -76,7 +89,7 @@ def make_archive(
 
     Parameters
     ----------
-    study, workers, map, progress
+    study, workers, map, progress, **arguments
         As in `run`.
     path : str or Path
         The archive to write; its folder is made if there is none. If one is there whose runs took
@@ -106,9 +119,10 @@ def make_archive(
         If there are kept runs that this study would not make, or `reuse` names an archive of
         another model; it states the changes, or how a run that is made again differs.
     """
+    checked = as_study(study, arguments)
     with _progress(progress) as reporter, _map(workers, map, reporter) as spread:
         tree = checkpoints.make_archive(
-            study,
+            checked,
             path,
             checkpoints.ResumeOptions(
                 fresh=fresh,

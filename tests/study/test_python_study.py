@@ -214,7 +214,7 @@ class TestModels:
 class TestMistakes:
     def test_they_name_the_argument_and_all_are_reported_at_once(self):
         text = message(
-            inputs={"length": uqpen.Normal("2 m", "1 kg"), "width": "30 cm"},
+            inputs={"length": {"normal": {"mean": "2 m", "std": "1 kg"}}, "width": "30 cm"},
             dependence=None,
             designs={"mc": object()},
             surrogates=None,
@@ -231,6 +231,28 @@ class TestMistakes:
     def test_a_quantity_that_cannot_be_read_is_refused_where_it_is_written(self):
         with pytest.raises(uqpen.UqpenError, match="with a decimal comma"):
             uqpen.Normal("2,5 m", "1 m")
+
+    @pytest.mark.parametrize(
+        ("make", "reported"),
+        [
+            (
+                lambda: uqpen.Normal("2 m", "1 kg"),
+                'std: found "1 kg"; expected .* to "m", the unit of mean',
+            ),
+            (
+                lambda: uqpen.Uniform("2 m", "3"),
+                'upper: found "3"; expected .* to "m", the unit of lower',
+            ),
+            (
+                lambda: uqpen.Discrete(["1 m", "20 cm", "3 s"]),
+                'values: found "3 s"; expected .* to "m"',
+            ),
+        ],
+        ids=["normal", "uniform", "discrete"],
+    )
+    def test_units_that_do_not_agree_are_refused_where_they_are_written(self, make, reported):
+        with pytest.raises(uqpen.UqpenError, match=reported):
+            make()
 
     def test_an_input_in_two_units_is_refused_of_a_bare_function(self):
         text = message(

@@ -70,7 +70,15 @@ class Problem:
 
 
 class UqpenError(Exception):
-    """Base of every error that uqpen raises on purpose."""
+    """Base of every error that uqpen raises on purpose.
+
+    A notebook shows its message alone. ``traceback.print_exception(sys.last_value)`` in the next
+    cell prints where it was raised.
+    """
+
+    def _render_traceback_(self) -> list[str]:
+        """Return the lines that IPython shows in place of a traceback."""
+        return [f"{type(self).__name__}: {self}"]
 
 
 class StudyError(UqpenError, ValueError):

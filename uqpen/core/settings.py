@@ -17,7 +17,7 @@ from uqpen.core.arrays import is_finite_number
 from uqpen.core.errors import Problem, QuantityError, SettingsError, toml_text
 from uqpen.core.labels import NAME
 from uqpen.core.quantities import parse_any_dimension, parse_quantity
-from uqpen.core.units import DIMENSIONLESS
+from uqpen.core.units import DIMENSIONLESS, are_convertible
 
 # Key of the declaration in the metadata of a field.
 SETTING = "uqpen.setting"
@@ -90,8 +90,12 @@ def written_settings(owner: Any) -> dict[str, Any]:
 
 
 def convert_quantities(owner: Any) -> Iterator[Problem]:
-    """Convert the quantities given as text to SI units; yield a problem for each unreadable one."""
+    """Convert the quantities given as text to SI units; yield a problem for each unreadable one.
+
+    Those whose dimension is that of their context, which is not known here, have one dimension.
+    """
     written: dict[str, Any] = {}
+    first: tuple[str, str] | None = None  # setting and unit that the others have to agree with
     for field, declared in declared_settings(owner):
         given = getattr(owner, field.name)
         is_sequence = declared.kind in (QUANTITY_LIST, NUMBERS)
@@ -104,10 +108,25 @@ def convert_quantities(owner: Any) -> Iterator[Problem]:
             continue
         if value is given:  # it is no sequence, so it will not be accepted
             continue
+        for text in filter(_is_text, given if is_sequence else [given]):
+            if not declared.has_dimension and declared.kind != QUANTITY_LIST:
+                continue
+            key = declared.key or field.name
+            unit = parse_any_dimension(text, difference=declared.kind == "difference").unit
+            first = first or (key, unit)
+            if not are_convertible(first[1], unit):
+                as_first = (
+                    f"a quantity convertible to {toml_text(first[1])}, the unit of {first[0]}"
+                )
+                yield Problem((key,), toml_text(text), as_first)
         written[field.name] = list(given) if is_sequence else given
         object.__setattr__(owner, field.name, value)
     if written:
         object.__setattr__(owner, _WRITTEN, written)
+
+
+def _is_text(value: Any) -> bool:
+    return isinstance(value, str)
 
 
 def _convert_each(sequence: Any, declared: Setting) -> Any:

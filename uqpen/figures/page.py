@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import textwrap
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -121,6 +122,46 @@ def panels(
         has = ", ".join(_available_names(_select_view(tree, None, None, model))) or "none"
         raise FigureError(f"the archive has nothing for the figure {what}; it has: {has}")
     return found
+
+
+class ArchivePlots:
+    """Figures of an archive as methods, by their names with underscores.
+
+    Each takes ``output``, ``source`` and ``model`` as `figure` does, and ``ax``, axes of
+    matplotlib's to draw the only panel onto.
+
+    Examples
+    --------
+    >>> archive.plot.cdf("penetration_depth").save("cdf.svg")  # doctest: +SKIP
+    >>> archive.plot.sensitivity("penetration_depth", ax=ax)  # doctest: +SKIP
+    """
+
+    def __init__(self, tree: xr.DataTree) -> None:
+        self._tree = tree
+
+    def __dir__(self) -> list[str]:
+        return [name.replace("-", "_") for name in available(self._tree)]
+
+    def __repr__(self) -> str:
+        return f"<figures of this archive: {', '.join(dir(self))}>"
+
+    def __getattr__(self, name: str) -> Callable[..., Drawing | Axes]:
+        known = {each.replace("-", "_"): each for each in FIGURES}
+        if name not in known:
+            raise AttributeError(f"no figure {name!r}; this archive has: {', '.join(dir(self))}")
+        return functools.partial(self._draw, known[name])
+
+    def _draw(
+        self, name: str, output: str | None = None, *, ax: Axes | None = None, **selected: str
+    ) -> Drawing | Axes:
+        if ax is None:
+            return figure(self._tree, name, output=output, **selected)
+        found = panels(self._tree, name, output=output, **selected)
+        if len(found) > 1:
+            titles = "; ".join(panel.title for panel in found)
+            raise FigureError(f"the figure has {len(found)} panels, and ax is one: {titles}")
+        found[0].draw_on_axes(ax)
+        return ax
 
 
 def available(tree: xr.DataTree) -> dict[str, str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from html import escape
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import xarray as xr
 
@@ -13,6 +13,7 @@ from uqpen.archive.read import is_benchmark, model_trees
 from uqpen.archive.read import open_archive as open_tree
 from uqpen.core.html import html_table
 from uqpen.core.labels import RUNS
+from uqpen.core.lookup import resolve
 from uqpen.results.field_tables import field_lines
 from uqpen.results.long_table import long_table, runs_table
 from uqpen.results.output_tables import statistics_tables
@@ -23,8 +24,12 @@ if TYPE_CHECKING:
     from uqpen.surrogates.archived_surrogate import ArchivedSurrogate
     from uqpen.surrogates.surrogate import Surrogate
 
-# More outputs than these are counted.
+# More outputs and names of groups than these are counted.
 _MOST_OUTPUTS = 6
+_MOST_NAMES = 8
+# What shows an archive stands above it, and is loaded when it is asked for.
+_SUMMARY = "uqpen.report.sections.summary:summary_lines"
+_PLOTS = "uqpen.figures.page:ArchivePlots"
 
 
 class Archive(xr.DataTree):  # type: ignore[no-untyped-call]
@@ -101,6 +106,28 @@ class Archive(xr.DataTree):  # type: ignore[no-untyped-call]
         from uqpen.surrogates.archived_surrogate import archived_surrogate
 
         return archived_surrogate(self, name, kind=kind)
+
+    def summary(self) -> str:
+        """Return the main results, a line each, as `uqpen study` ends with them.
+
+        Verdicts on the limits of the study, the requested statistics with their intervals, the
+        inputs that drive each output, and what to mind.
+        """
+        return "\n".join(resolve(_SUMMARY)(self)).replace("\u00a0", " ")
+
+    @property
+    def plot(self) -> Any:
+        """Figures of this archive as methods, such as ``archive.plot.cdf("depth")``."""
+        return resolve(_PLOTS)(self)
+
+    def __repr__(self) -> str:  # type: ignore[override] # a node takes an argument for its own use
+        lines = [f"<uqpen.Archive {str(self.attrs.get('title', ''))[:100]!r}>"]
+        for group, node in self.children.items():
+            names = list(node.children)
+            more = f", … ({len(names)})" if len(names) > _MOST_NAMES else ""
+            named = f": {', '.join(names[:_MOST_NAMES])}{more}" if names else ""
+            lines.append(f"  /{group}{named}")
+        return "\n".join(lines)
 
     def _repr_html_(self) -> str:
         return archive_html(self)

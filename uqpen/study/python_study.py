@@ -573,8 +573,8 @@ class Study(ValidatedStudy):
     outputs : mapping, optional
         For each output its unit, or an `OutputSpec`.
     designs : mapping, optional
-        The designs of the runs by name, such as ``{"mc": uqpen.MonteCarlo(runs=1000)}``. A `budget`
-        may take their place.
+        The designs of the runs by name, such as ``{"mc": uqpen.MonteCarlo(runs=1000)}``; a single
+        one has the name of its kind. A `budget` may take their place.
     seed : int
         Seed of all random numbers.
     title : str, optional
@@ -618,12 +618,14 @@ class Study(ValidatedStudy):
     'm2'
     """
 
+    _arguments: Mapping[str, Any]
+
     def __init__(
         self,
         model: Callable[..., Mapping[str, Any]] | object | None = None,
         inputs: Mapping[str, object] | None = None,
         outputs: Mapping[str, object] | None = None,
-        designs: Mapping[str, object] | None = None,
+        designs: Mapping[str, object] | Design | None = None,
         *,
         seed: int | None = None,
         title: str | None = None,
@@ -640,33 +642,78 @@ class Study(ValidatedStudy):
     ) -> None:
         for key in sections.keys() - SECTIONS:
             raise TypeError(f"Study.__init__() got an unexpected keyword argument '{key}'")
+        if isinstance(designs, Design):
+            kind = family_name(DESIGNS, designs) or "design"
+            designs = {kind.replace("-", "_"): designs}
+        arguments = {
+            "title": title,
+            "seed": seed,
+            "confidence_level": confidence_level,
+            "budget": budget,
+            "sensitivity": sensitivity,
+            "convergence": convergence,
+            "model": model,
+            "models": models,
+            "inputs": inputs,
+            "outputs": outputs,
+            "designs": designs,
+            "constraints": constraints,
+            "analyses": analyses,
+            **sections,
+        }
         made = StudyContent(
-            {
-                "title": title,
-                "seed": seed,
-                "confidence_level": confidence_level,
-                "budget": budget,
+            arguments
+            | {
                 "sensitivity": None if sensitivity is True else sensitivity,
                 "convergence": None if convergence is True else convergence,
                 "model": {"use": model} if isinstance(model, str) else model,
-                "models": models,
-                "inputs": inputs,
-                "outputs": outputs,
-                "designs": designs,
                 "constraints": {"keep": list(constraints)} if constraints else None,
                 "analyses": list(analyses) or None,
-                **sections,
             },
             Path(folder).absolute(),
         )
-        self._copy(_read(made, name))
+        self._copy(_read(made, name), arguments)
 
     @classmethod
     def of(cls, validated: ValidatedStudy) -> Study:
         """Return a validated study with the methods of this class."""
+        arguments = tomllib.loads(validated.text)
+        arguments["constraints"] = arguments.get("constraints", {}).get("keep", ())
         study = cls.__new__(cls)
-        study._copy(validated)
+        study._copy(validated, arguments)
         return study
+
+    @property
+    def inputs(self) -> Mapping[Any, object]:
+        """The inputs as they were stated: distributions, texts, or tables of a study file."""
+        return dict(self._arguments.get("inputs") or {})
+
+    @property
+    def outputs(self) -> Mapping[str, object]:
+        """The outputs as they were stated."""
+        return dict(self._arguments.get("outputs") or {})
+
+    def replace(self, **changes: Any) -> Study:
+        """Return a study with other arguments, which is checked anew.
+
+        Parameters
+        ----------
+        **changes
+            Arguments of `Study`, each in place of the whole of this study's own; None leaves one
+            out. A model that a study file names by a table, too.
+
+        Raises
+        ------
+        StudyError
+            Listing every mistake.
+
+        Examples
+        --------
+        >>> larger = study.replace(designs={"mc": uqpen.MonteCarlo(10_000)})  # doctest: +SKIP
+        >>> study.replace(inputs={**study.inputs, "load": "(5 ± 1) kN"})  # doctest: +SKIP
+        """
+        kept = {"name": self.name, "folder": self.folder, **self._arguments}
+        return type(self)(**{**kept, **changes})
 
     def to_toml(self) -> str:
         """Return the text of the study, which its archive keeps.
@@ -682,9 +729,11 @@ class Study(ValidatedStudy):
     def _repr_html_(self) -> str:
         return study_html(self)
 
-    def _copy(self, study: ValidatedStudy) -> None:
+    def _copy(self, study: ValidatedStudy, arguments: Mapping[str, Any]) -> None:
         for each in dataclasses.fields(ValidatedStudy):
             object.__setattr__(self, each.name, getattr(study, each.name))
+        given = {name: value for name, value in arguments.items() if value is not None}
+        object.__setattr__(self, "_arguments", given)
 
 
 def _read(made: StudyContent, name: str) -> ValidatedStudy:
@@ -723,3 +772,27 @@ def load_study(path: str | Path) -> Study:
         Listing every mistake with its line, what was found and what is expected.
     """
     return Study.of(read_file(path))
+
+
+def as_study(study: object, changes: Mapping[str, Any]) -> ValidatedStudy:
+    """Return a study of a study, of the path of its file, or of a model with its arguments.
+
+    Parameters
+    ----------
+    study : Study, str, Path, callable, PythonModel or Model
+        What is to be run.
+    changes : mapping of str to object
+        Arguments of `Study`: all of them beside a model, others in place of those of a study.
+    """
+    if isinstance(study, str | Path):
+        study = load_study(study)
+    if isinstance(study, Study):
+        return study.replace(**changes) if changes else study
+    if isinstance(study, ValidatedStudy) and not changes:
+        return study
+    if isinstance(study, PythonModel | Model) or callable(study):
+        return Study(study, **changes)
+    raise StudyError(
+        f"found an object of class {type(study).__name__}; expected a uqpen.Study, the path of a "
+        "study file, or a function with its inputs, outputs and designs"
+    )
