@@ -10,6 +10,7 @@ import pytest
 from study_text import study_text
 
 import uqpen
+from uqpen.core.progress import Progress
 from uqpen.execution.processes import processes
 
 # Stops, as Ctrl-C would, at a number of calls: that of a file's name, as a file that a run opens
@@ -36,6 +37,22 @@ STUDY = study_text(
     inputs={"a": "0 ± 1", "b": "0 ± 1"},
     designs={"rare": {}},
 )
+
+
+class Interrupted(Progress):
+    """Stops, as Ctrl-C would, at a number of batches; it counts the runs that are taken again."""
+
+    def __init__(self, batches: int) -> None:
+        self.left = batches
+        self.restored = 0
+
+    def count_restored(self, runs: int) -> None:
+        self.restored += runs
+
+    def advance(self, runs: int, failed: int, in_progress: int) -> None:
+        self.left -= 1
+        if not self.left:
+            raise KeyboardInterrupt
 
 
 def check_interruptions_and_workers(

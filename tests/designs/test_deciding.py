@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 import xarray as xr
+from interrupted_study import Interrupted
 from study_text import study_text
 
 import uqpen
@@ -23,7 +24,6 @@ from uqpen.designs.stopping.acceptance_claim import (
     log_evidence_below,
     parse_claim,
 )
-from uqpen.execution import Progress
 from uqpen.execution.processes import processes
 from uqpen.report.sections.sentences import decision_findings
 from uqpen.results.archive_view import ArchiveView
@@ -194,18 +194,6 @@ class TestWhenItEnds:
 
     def test_the_design_meets_the_contract_of_designs(self):
         check_design(MonteCarlo(accept="P(y > 5) < 0.2", at_most=1_000))
-
-
-class Interrupted(Progress):
-    """Stops, as Ctrl-C would, at a number of batches."""
-
-    def __init__(self, batches):
-        self.left = batches
-
-    def advance(self, runs, failed, in_progress):
-        self.left -= 1
-        if not self.left:
-            raise KeyboardInterrupt
 
 
 @pytest.mark.processor

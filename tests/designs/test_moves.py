@@ -159,7 +159,7 @@ class TestMorris:
 
     def test_intervals_of_the_mean_size_cover(self):
         function = lambda a, b, c, f: np.exp(a) * (1 + b) - c**2  # noqa: E731
-        runs = runs_of(Morris(1000), self.LAW, function)
+        runs = runs_of(Morris(600), self.LAW, function)
         # Exactly: the mean over all places of the grid.
         level = np.arange(1, 5) / 5
         whole = function(level[:, None, None], level[None, :, None], level[None, None, :], 2.0)
@@ -171,8 +171,9 @@ class TestMorris:
             )
             reported = found["y"]["mu_star"].sel(input="a")
             held += bool(reported.sel(bound="lower") <= truth <= reported.sel(bound="upper"))
-        # Of ten trajectories each, 93 % to 98 % were measured; four standard errors below.
-        assert held > 84
+        # Of 60 with ten trajectories each; benchmarks/elementary_effects_coverage.py measures 93 %
+        # to 98 %, and this is four standard errors below.
+        assert held > 47
 
     def test_few_trajectories_carry_a_note(self):
         found = sensitivity(Morris(4), self.LAW, lambda a, b, c, f: a * b + c)
@@ -361,26 +362,18 @@ def test_an_input_that_a_model_does_not_vary_has_no_figure(design):
     assert np.isfinite(next(iter(found.values())).isel(bound=0).item())
 
 
-@pytest.mark.parametrize("named", ["y_mean", "y_sigma_note", "y_response", "y_contribution"])
-def test_an_output_may_have_the_name_of_another_and_of_a_statistic(named, tmp_path):
-    (tmp_path / "mine.py").write_text(
-        f"def f(x):\n    return {{'y': x, '{named}': 2 * x + x**2}}\n", encoding="utf-8"
+def test_an_output_may_have_the_name_of_another_and_of_a_statistic(tmp_path):
+    names = ("y_mean", "y_sigma_note", "y_response", "y_contribution")
+    model = uqpen.PythonModel(
+        lambda x: {"y": x, **dict.fromkeys(names, 2 * x + x**2)},
+        {"x": "1"},
+        dict.fromkeys(("y", *names), "1"),
     )
-    text = f"""
-seed = 1
-[model]
-python = "mine.py:f"
-inputs = {{ x = "1" }}
-outputs = {{ y = "1", {named} = "1" }}
-[inputs]
-x = "1 ± 0.1"
-[designs.steps]
-kind = "one-at-a-time"
-"""
-    tree = uqpen.run(parse_study(text, folder=tmp_path))
-    write(tree, tmp_path / "both.nc")
-    steps = uqpen.open_archive(tmp_path / "both.nc")["statistics/steps"]
+    designs = {"steps": uqpen.OneAtATime()}
+    tree = uqpen.run(uqpen.Study(model, {"x": uqpen.Normal(1.0, 0.1)}, designs=designs, seed=1))
+    write(tree, tmp_path / "all.nc")
+    steps = uqpen.open_archive(tmp_path / "all.nc")["statistics/steps"]
     # The response of x is 1; that of x² + 2 x at x = 1 is 4/3.
-    for output, response in (("y", 1.0), (named, 4 / 3)):
+    for output, response in (("y", 1.0), *((name, 4 / 3) for name in names)):
         found = steps[output]["response"].sel(bound="estimate").values
         assert found == pytest.approx([response], rel=1e-9)

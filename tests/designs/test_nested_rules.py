@@ -92,7 +92,7 @@ def test_every_nested_rule_is_tested():
 @pytest.mark.parametrize(
     ("rule", "distribution"), [pair for pair in PAIRS if pair[1] in (UNIFORM, NORMAL)], ids=str
 )
-@pytest.mark.parametrize("order", [0, 1, 2, 3, 5, 8])
+@pytest.mark.parametrize("order", [0, 1, 3, 8])
 def test_moments_are_exact_to_the_degree_of_the_order(rule, distribution, order):
     ((values, weights),) = univariate_rules(rule, distribution, [order])
     assert [len(values)] == node_counts(rule, distribution, [order])
@@ -106,7 +106,7 @@ def test_moments_are_exact_to_the_degree_of_the_order(rule, distribution, order)
 
 
 @pytest.mark.parametrize(("rule", "distribution"), PAIRS, ids=str)
-@pytest.mark.parametrize("order", [1, 4])
+@pytest.mark.parametrize("order", [4])
 def test_a_polynomial_has_the_mean_that_gausss_rule_gives(rule, distribution, order):
     ((values, weights),) = univariate_rules(rule, distribution, [order])
     ((gauss, shares),) = univariate_rules("gauss", distribution, [order])

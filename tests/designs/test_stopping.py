@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from interrupted_study import Interrupted
 from study_text import study_text
 
 import uqpen
@@ -189,22 +190,6 @@ def looks():
         quantities = {"": wanted.quantities_of_interest}
         found.append(Feedback(runs, RunningEstimates((runs,), Sampling.INDEPENDENT, quantities)))
     return found
-
-
-class Interrupted(Progress):
-    """Stops, as Ctrl-C would, at a number of batches."""
-
-    def __init__(self, batches):
-        self.left = batches
-        self.restored = 0
-
-    def count_restored(self, runs):
-        self.restored += runs
-
-    def advance(self, runs, failed, in_progress):
-        self.left -= 1
-        if not self.left:
-            raise KeyboardInterrupt
 
 
 @pytest.fixture(scope="module")

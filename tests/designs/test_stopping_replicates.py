@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 import xarray as xr
+from interrupted_study import Interrupted
 from study_text import study_text
 
 import uqpen
 from uqpen.archive.estimates import UnpackedStatistics
 from uqpen.checkpoints.make_archive import make_archive
 from uqpen.core.errors import SettingsError, StudyError
-from uqpen.core.progress import Progress
 from uqpen.core.status import Status
 from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.quasi_monte_carlo import Halton, SobolSequence
@@ -146,15 +146,6 @@ def test_a_quantile_is_refused_before_any_run(kind):
     assert 'or kind = "monte-carlo": over replicates' in problem.expected
 
 
-class Interrupted(Progress):
-    """Stops, as Ctrl-C would, in the second round."""
-
-    def advance(self, runs, failed, in_progress):
-        self.finished = getattr(self, "finished", 0) + runs
-        if self.finished > 512:
-            raise KeyboardInterrupt
-
-
 @pytest.mark.processor
 @pytest.mark.slow
 def test_the_bytes_are_the_same_for_workers_and_after_an_interruption(tmp_path):
@@ -166,7 +157,7 @@ def test_the_bytes_are_the_same_for_workers_and_after_an_interruption(tmp_path):
     with processes(2) as workers:
         make_archive(study, two, map=workers)
     with pytest.raises(KeyboardInterrupt):
-        make_archive(study, again, progress=Interrupted())
+        make_archive(study, again, progress=Interrupted(2))
     make_archive(study, again)
     assert one.read_bytes() == two.read_bytes() == again.read_bytes()
     runs = uqpen.open_archive(one)["runs/one"]

@@ -57,8 +57,12 @@ class TestRace:
         assert ModelRace.from_diagnostics("a-b", values) == race
 
 
-def test_a_product_of_powers_is_fitted_by_its_logarithm(study_of):
-    tree = uqpen.run(study_of("a**2.5 / b**1.5", STUDY, a=(1, 5), b=(1, 5)))
+@pytest.fixture(scope="module")
+def tree(module_study_of):
+    return uqpen.run(module_study_of("a**2.5 / b**1.5", STUDY, a=(1, 5), b=(1, 5)))
+
+
+def test_a_product_of_powers_is_fitted_by_its_logarithm(tree):
     made = tree["surrogates/chosen"]
     assert made["y"].attrs["chosen_kind"] == "polynomial-chaos-log"
     reported = fit_diagnostics(made, "y")
@@ -71,9 +75,7 @@ def test_a_product_of_powers_is_fitted_by_its_logarithm(study_of):
     assert mean[1] < exact < mean[2]
 
 
-def test_refits_keep_the_kind_that_was_chosen(study_of):
-    study = study_of("np.sin(a) + b", STUDY, a=(1, 5), b=(1, 5))
-    tree = uqpen.run(study)
+def test_refits_keep_the_kind_that_was_chosen(tree):
     fitted = restore_surrogate(tree["surrogates/chosen"], "chosen")
     again = BestSurrogate("training").for_refits(fitted)
     assert isinstance(again, FixedChoice)

@@ -23,7 +23,6 @@ from uqpen.core.sampling import Sampling
 from uqpen.core.settings import count, flag, number
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design, Extension, Rounds
-from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.joint_distribution import JointDistribution, points_dataset
 from uqpen.distributions.orthogonal_polynomials import recurrence
 
@@ -120,29 +119,25 @@ class OneAtATime(Design):
         moves = list(self._moves(joint))
         runs = 1 + 2 * len(moves)
         nominal = joint.nominal()
-        names = {entry.variable.name for entry in joint.random} | {move.name for move in moves}
+        moved_names = [name for name, _, _ in moves]
+        names = {entry.variable.name for entry in joint.random}.union(moved_names)
         values = {name: np.full(runs, nominal[name]) for name in nominal if name in names}
         moved, by = np.full(runs, -1), np.zeros(runs)
         uncertainty = np.zeros(runs)
-        for position, move in enumerate(moves):
+        for position, (name, reference, std) in enumerate(moves):
             pair = slice(1 + 2 * position, 3 + 2 * position)
             by[pair] = -self.step, self.step
             moved[pair] = position
-            uncertainty[pair] = move.std / abs(move.reference)
-            values[move.name][pair] += by[pair] * move.reference
+            uncertainty[pair] = std / abs(reference)
+            values[name][pair] += by[pair] * reference
         points = points_dataset(joint, values, {MOVED_UNCERTAINTY: uncertainty}, runs=runs)
         points[MOVED_UNCERTAINTY].attrs = {
             "units": "1",
             "long_name": "standard deviation of the input that is moved, on the scale of moved_by",
         }
-        points = add_move_coordinates(
-            points,
-            [move.name for move in moves],
-            moved,
-            by,
-            measure="relative to its nominal value",
-        )
-        spreads = [move.name for move in moves if not nominal[move.name]]
+        measure = "relative to its nominal value"
+        points = add_move_coordinates(points, moved_names, moved, by, measure=measure)
+        spreads = [name for name in moved_names if not nominal[name]]
         if spreads:
             points[MOVED_BY].attrs[RELATIVE_TO_SPREAD] = " ".join(spreads)
         yield points
@@ -150,28 +145,15 @@ class OneAtATime(Design):
     def run_count(self, joint: JointDistribution) -> int:
         return 1 + 2 * len(list(self._moves(joint)))
 
-    def _moves(self, joint: JointDistribution) -> Iterator[_Move]:
+    def _moves(self, joint: JointDistribution) -> Iterator[tuple[str, float, float]]:
+        """Yield each input to move, the reference of its step, and its standard deviation."""
         for entry in joint.random:
-            reference = entry.nominal or _half_spread(entry.distribution)
+            low, high = entry.distribution.ppf(np.array([_LOW, _HIGH])).tolist()
             std = recurrence(entry.distribution, 1).std
-            yield _Move(entry.variable.name, reference, std)
+            yield entry.variable.name, entry.nominal or (high - low) / 2, std
         for given in joint.fixed:
             if self.fixed and given.value:
-                yield _Move(given.variable.name, given.value, 0.0)
-
-
-@dataclass(frozen=True)
-class _Move:
-    """Input that is moved: the reference of its relative step, and its standard deviation."""
-
-    name: str
-    reference: float
-    std: float
-
-
-def _half_spread(distribution: Distribution) -> float:
-    low, high = distribution.ppf(np.array([_LOW, _HIGH]))
-    return float(high - low) / 2
+                yield given.variable.name, given.value, 0.0
 
 
 # Morris's trajectories: every input moved once, one after the other, from random starts.

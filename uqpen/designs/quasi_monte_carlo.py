@@ -27,10 +27,17 @@ if TYPE_CHECKING:
 _BITS = 53
 
 
+@dataclass(frozen=True)
 class _Sequence(ReplicatedDesign):
     """Scrambled points of a low-discrepancy sequence."""
 
     is_sequence = True
+
+    runs: int | None = count(minimum=2, maximum=MOST_RUNS, default=None)
+    replicates: int | None = count(minimum=2, maximum=MOST_REPLICATES, default=None)
+    until: StoppingRule | None = stopping_rule("until")
+    at_most: int | None = count(default=None)
+    keep: str = keep_setting()
 
     @abstractmethod
     def engine(self, rng: np.random.Generator, dimension: int) -> QMCEngine:
@@ -90,12 +97,6 @@ class SobolSequence(_Sequence):
 
     needs_powers_of_two = True
 
-    runs: int | None = count(minimum=2, maximum=MOST_RUNS, default=None)
-    replicates: int | None = count(minimum=2, maximum=MOST_REPLICATES, default=None)
-    until: StoppingRule | None = stopping_rule("until")
-    at_most: int | None = count(default=None)
-    keep: str = keep_setting()
-
     def draw(self, rng: np.random.Generator, points: int, dimension: int) -> FloatArray:
         return sobol_points(rng, points, dimension)
 
@@ -128,12 +129,6 @@ class Halton(_Sequence):
     Halton, J. H. (1960). Numer. Math. 2, 84-90.
     Owen, A. B. (2017). arXiv:1706.02808.
     """
-
-    runs: int | None = count(minimum=2, maximum=MOST_RUNS, default=None)
-    replicates: int | None = count(minimum=2, maximum=MOST_REPLICATES, default=None)
-    until: StoppingRule | None = stopping_rule("until")
-    at_most: int | None = count(default=None)
-    keep: str = keep_setting()
 
     def draw(self, rng: np.random.Generator, points: int, dimension: int) -> FloatArray:
         return np.asarray(self.engine(rng, dimension).random(points))

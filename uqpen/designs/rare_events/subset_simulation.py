@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -31,8 +31,7 @@ STEPS = round(1 / CONDITIONAL_PROBABILITY) - 1
 _EVENT = math.ulp(0.0)
 
 
-@dataclass(frozen=True, eq=False)
-class ChainStates:
+class ChainStates(NamedTuple):
     """States at one level: a sample of the inputs, given that a run reaches the level."""
 
     runs: IntArray  # (state,): number of the run that each state is
@@ -51,34 +50,18 @@ class ChainStates:
 
     def at(self, part: Any) -> ChainStates:
         """Return some of the states, given by an index."""
-        return ChainStates(
-            self.runs[part], self.performance[part], self.occurs[part], self.missing[part]
-        )
+        return ChainStates(*(each[part] for each in self))
 
     def moved(self, candidates: ChainStates, threshold: float) -> ChainStates:
         """Return the states after a step: candidates where they reach the level."""
         is_accepted = candidates.at_or_above(threshold)
-        return ChainStates(
-            *(
-                np.where(is_accepted, new, old)
-                for new, old in (
-                    (candidates.runs, self.runs),
-                    (candidates.performance, self.performance),
-                    (candidates.occurs, self.occurs),
-                    (candidates.missing, self.missing),
-                )
-            )
-        )
+        both = zip(candidates, self, strict=True)
+        return ChainStates(*(np.where(is_accepted, new, old) for new, old in both))
 
     @staticmethod
     def joined(parts: list[ChainStates]) -> ChainStates:
         """Return the states of several steps as one sample."""
-        return ChainStates(
-            np.concatenate([each.runs for each in parts]),
-            np.concatenate([each.performance for each in parts]),
-            np.concatenate([each.occurs for each in parts]),
-            np.concatenate([each.missing for each in parts]),
-        )
+        return ChainStates(*map(np.concatenate, zip(*parts, strict=True)))
 
     def at_or_above(self, threshold: float) -> BoolArray:
         """Return which states reach a level."""
