@@ -72,8 +72,15 @@ def parsed(module):
 
 @cache
 def definitions(module):
-    nodes = ast.walk(parsed(module))
-    return [node for node in nodes if isinstance(node, (ast.FunctionDef, ast.ClassDef))]
+    """The functions and classes of a module; expressions, most of its nodes, contain none."""
+    waiting, found = [parsed(module)], []
+    while waiting:
+        node = waiting.pop()
+        found += [node] if isinstance(node, (ast.FunctionDef, ast.ClassDef)) else []
+        for part in ("body", "orelse", "handlers", "finalbody", "cases"):
+            inner = getattr(node, part, None)
+            waiting += inner if isinstance(inner, list) else []
+    return found
 
 
 @cache

@@ -18,6 +18,8 @@ from study_text import study_text
 
 from uqpen.archive.netcdf import write_tree
 from uqpen.archive.read import open_archive
+from uqpen.checkpoints.make_archive import make_archive
+from uqpen.study.load import load_study, parse_study
 
 pytestmark = pytest.mark.slow
 
@@ -40,6 +42,14 @@ def uqpen(command_line, tmp_path):
     """The command line beside a small study."""
     (tmp_path / "small.toml").write_text(SMALL, encoding="utf-8")
     return command_line
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory):
+    """The archive of the small study."""
+    path = tmp_path_factory.mktemp("small") / "small.nc"
+    make_archive(parse_study(SMALL, name="small"), path)
+    return path.read_bytes()
 
 
 class TestStudy:
@@ -110,8 +120,8 @@ class TestStudy:
     @pytest.mark.parametrize(
         "arguments", [("study",), ("study", "a", "b"), ("frob",), ("study", "--frob")]
     )
-    def test_a_wrong_call_leaves_with_2(self, uqpen, arguments):
-        done = uqpen(*arguments)
+    def test_a_wrong_call_leaves_with_2(self, command_line, arguments):
+        done = command_line(*arguments)
         assert done.code == 2
         assert "Usage" in done.err
 
@@ -185,21 +195,23 @@ class TestCheck:
 
 
 class TestShow:
+    @pytest.fixture(autouse=True)
+    def archive(self, uqpen, small):
+        Path("archives").mkdir()
+        Path("archives/small.nc").write_bytes(small)
+
     def test_it_shows_what_the_study_showed(self, uqpen):
-        studied = uqpen("study", "small.toml", "--all")
         shown = uqpen("show", "archives/small.nc")
         assert shown.code == 0
-        assert shown.out in studied.out
+        assert shown.out in uqpen("study", "small.toml", "--all", "--fresh").out
 
     def test_json_is_for_scripts(self, uqpen):
-        uqpen("study", "small.toml")
         found = json.loads(uqpen("show", "archives/small.nc", "--json").out)
         mean = found["designs"]["monte_carlo"]["outputs"]["y"]["mean"]
         assert mean["lower"] < mean["estimate"] < mean["upper"]
         assert "0.05" in found["designs"]["latin_hypercube"]["outputs"]["y"]["quantiles"]
 
     def test_a_damaged_archive_leaves_with_2_and_says_where(self, uqpen):
-        uqpen("study", "small.toml")
         with netCDF4.Dataset("archives/small.nc", "a") as dataset:
             dataset["statistics/latin_hypercube/y"].renameVariable("bound", "limit")
         done = uqpen("show", "archives/small.nc")
@@ -210,7 +222,6 @@ class TestShow:
         )
 
     def test_a_title_cannot_command_the_terminal(self, uqpen):
-        uqpen("study", "small.toml")
         with netCDF4.Dataset("archives/small.nc", "a") as dataset:
             dataset.title = "\x1b]0;taken\x07"
         assert "\x1b" not in uqpen("show", "archives/small.nc").out
@@ -408,23 +419,26 @@ class TestProcess:
             assert process.stderr.read() == b""
             assert process.wait() == 0
 
-    @pytest.mark.parametrize("workers", ["1", "2"])
-    def test_a_study_does_not_depend_on_who_reads_its_output(self, tmp_path, workers):
+    def test_a_study_does_not_depend_on_who_reads_its_output(self, tmp_path):
         (tmp_path / "slow.py").write_text("def f(x):\n    print('x' * 999)\n    return {'y': x}")
-        (tmp_path / "slow.toml").write_text(SLOW_STUDY.replace("100000", "300"))
-        for name, reader in (("heard.nc", subprocess.DEVNULL), ("unheard.nc", subprocess.PIPE)):
-            arguments = ("study", "slow.toml", "-o", name, "--workers", workers)
+        (tmp_path / "slow.toml").write_text(SLOW_STUDY.replace("100000", "30"))
+        heard = make_archive(load_study(tmp_path / "slow.toml"), tmp_path / "heard.nc")
+        assert heard["runs/slow"].sizes["run"] == 30
+        for workers in ("1", "2"):
+            arguments = ("study", "slow.toml", "-o", f"{workers}.nc", "--workers", workers)
             with subprocess.Popen(
-                self.command(*arguments), cwd=tmp_path, stdout=reader, stderr=subprocess.STDOUT
+                self.command(*arguments),
+                cwd=tmp_path,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
             ) as process:
-                if process.stdout is not None:
-                    process.stdout.close()
+                process.stdout.close()
                 assert process.wait() == 0
-        assert (tmp_path / "heard.nc").read_bytes() == (tmp_path / "unheard.nc").read_bytes()
+            unheard = (tmp_path / f"{workers}.nc").read_bytes()
+            assert unheard == (tmp_path / "heard.nc").read_bytes()
 
-    def test_a_verdict_does_not_depend_on_who_reads_it(self, tmp_path):
-        (tmp_path / "small.toml").write_text(SMALL)
-        assert self.done(tmp_path, "study", "small.toml", "-o", "small.nc").returncode == 0
+    def test_a_verdict_does_not_depend_on_who_reads_it(self, tmp_path, small):
+        (tmp_path / "small.nc").write_bytes(small)
         tree = open_archive(tmp_path / "small.nc")
         tree["runs/monte_carlo"]["y"].values[0] += 1.0
         write_tree(tree, tmp_path / "edited.nc")
@@ -435,17 +449,20 @@ class TestProcess:
                 process.stdout.close()
                 assert process.wait() == code
 
-    @pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&-"])
-    def test_closed_streams_change_no_exit_code(self, tmp_path, closed):
+    @pytest.mark.parametrize(
+        ("arguments", "closed", "code"),
+        [
+            (("study", "small.toml"), ">&- 2>&-", 0),
+            (("models",), ">&-", 0),
+            (("check", "none.toml"), "2>&-", 2),
+        ],
+        ids=["study", "models", "check"],
+    )
+    def test_closed_streams_change_no_exit_code(self, tmp_path, arguments, closed, code):
         (tmp_path / "small.toml").write_text(SMALL)
-        for arguments, code in (
-            (("study", "small.toml"), 0),
-            (("models",), 0),
-            (("check", "none.toml"), 2),
-        ):
-            line = f"{shlex.join(self.command(*arguments))} {closed}"
-            assert subprocess.run(line, shell=True, cwd=tmp_path, check=False).returncode == code
-        assert (tmp_path / "archives" / "small.nc").is_file()
+        line = f"{shlex.join(self.command(*arguments))} {closed}"
+        assert subprocess.run(line, shell=True, cwd=tmp_path, check=False).returncode == code
+        assert (tmp_path / "archives" / "small.nc").is_file() == (arguments[0] == "study")
 
     def test_a_model_that_closes_the_output_closes_it_for_itself(self, tmp_path):
         (tmp_path / "slow.py").write_text(
@@ -459,13 +476,12 @@ class TestProcess:
     @pytest.mark.skipif(not Path("/dev/full").exists(), reason="only Linux has it")
     def test_a_full_disk_below_the_output_costs_no_archive(self, tmp_path):
         (tmp_path / "small.toml").write_text(SMALL)
-        for arguments in (("study", "small.toml"), ("show", "archives/small.nc")):
-            with Path("/dev/full").open("w") as full:
-                done = self.done(tmp_path, *arguments, stdout=full)
-            assert done.returncode == 2
-            message = b"standard output cannot be written: No space left on device"
-            assert done.stderr.splitlines()[-1] == message
-            assert (tmp_path / "archives" / "small.nc").is_file()
+        with Path("/dev/full").open("w") as full:
+            done = self.done(tmp_path, "study", "small.toml", stdout=full)
+        assert done.returncode == 2
+        message = b"standard output cannot be written: No space left on device"
+        assert done.stderr.splitlines()[-1] == message
+        assert (tmp_path / "archives" / "small.nc").is_file()
 
     def test_a_terminal_without_unicode_gets_question_marks(self, tmp_path):
         (tmp_path / "small.toml").write_text(SMALL)

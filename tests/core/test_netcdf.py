@@ -389,16 +389,16 @@ def test_what_h5py_writes_is_refused_with_a_remedy(name, reported, tmp_path):
 
 
 @pytest.mark.slow
-def test_thousands_of_columns_are_read_from_one_group(tmp_path):
+def test_a_thousand_columns_are_read_from_one_group(tmp_path):
     with netCDF4.Dataset(tmp_path / "wide.nc", "w") as root:
         root.createDimension("run", 2)
-        for each in [root.createVariable(f"x{n}", "f4", ("run",)) for n in range(3000)]:
+        for each in [root.createVariable(f"x{n}", "f4", ("run",)) for n in range(1100)]:
             each[:] = 1
     content = (tmp_path / "wide.nc").read_bytes()
-    assert len(read_variables(content)) == 3000
+    assert len(read_variables(content)) == 1100
     check_netcdf(content, ARCHIVE_LIMITS)
-    with pytest.raises(RefusedContentError, match="more than 2999 variables in one group"):
-        check_netcdf(content, replace(DATA_LIMITS, in_group=2999))
+    with pytest.raises(RefusedContentError, match="more than 1099 variables in one group"):
+        check_netcdf(content, replace(DATA_LIMITS, in_group=1099))
 
 
 @pytest.mark.parametrize("options", [{}, {"chunksizes": (2,)}])

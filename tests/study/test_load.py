@@ -287,14 +287,6 @@ def test_lines_are_counted_as_toml_counts_them():
     assert "study.toml:29  designs.mc.runs" in report(text)
 
 
-@pytest.mark.slow
-def test_many_mistakes_are_reported_in_a_moment_and_not_all():
-    text = changed("hold = [0.9]", "hold = [\n" + "2,\n" * 1000 + "]")
-    reported = report(text)
-    assert "1000 mistakes" in reported
-    assert "and 950 more" in reported
-
-
 @pytest.mark.parametrize(
     "distribution",
     [
