@@ -7,7 +7,6 @@ from uqpen.archive.read import read_group
 from uqpen.report.blocks import Alerts, Columns, Findings, Fold, Quote, Text
 from uqpen.report.sections.answer import answer
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.digits import estimate_texts
 
 pytestmark = pytest.mark.slow
 
@@ -263,16 +262,3 @@ def test_only_some_of_many_outputs_have_sentences(tmp_path):
     assert reported[0].startswith("y7 above 0.5: In ")
     assert sum(text.startswith("The median of ") for text in reported) == 6
     assert any(text.endswith("Further down: 2 more outputs.") for text in reported)
-
-
-@pytest.mark.parametrize(
-    ("bounds", "texts"),
-    [
-        ((0.49274, 0.49004, 0.49544, 0.5), ("0.4927", "0.4900", "0.4954", "0.5000")),
-        ((0.0, 0.0, 0.0369), ("0", "0", "0.037")),
-        ((3.51234567, float("nan"), float("nan")), ("3.512", "–", "–")),
-        ((1.234e-7, 1.134e-7, 1.334e-7), ("1.23×10⁻⁷", "1.13×10⁻⁷", "1.33×10⁻⁷")),
-    ],
-)
-def test_figures_in_a_sentence_have_sensible_digits(bounds, texts):
-    assert estimate_texts(*bounds) == texts
