@@ -117,19 +117,19 @@ class TestReadingOff:
             )
 
 
+# Whether the pointer reads off near a value.
+IS_READ_OFF = """(x) => {
+  const title = document.querySelector(".hoverlayer .legendtitletext");
+  return title && Math.abs(title.textContent.split(": ").at(-1) - x) < 0.02 * Math.abs(x);
+}"""
+
+
 def _hovered(page, x):
     """Where the pointer reads off, and what it says of each curve there."""
-    title = page.locator(".hoverlayer .legendtitletext")
-
-    def value():
-        return float(title.first.text_content().rpartition(": ")[2])
-
-    for _ in range(100):
-        if title.count() and abs(value() - x) < 0.02 * abs(x):
-            break
-        page.wait_for_timeout(50)
+    page.wait_for_function(IS_READ_OFF, arg=x)
+    title = page.locator(".hoverlayer .legendtitletext").first.text_content()
     lines = page.locator(".hoverlayer .legendtext").all_text_contents()
-    return value(), lines
+    return float(title.rpartition(": ")[2]), lines
 
 
 LEADING_CURVE = ".plot:has(~ .reading)"

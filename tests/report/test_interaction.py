@@ -124,11 +124,18 @@ LINES = """([name, at]) => {
 }"""
 
 
+# Whether a chart shows the last change, as those do that are near.
+HAS_FOLLOWED = """(plot) => {
+  const versions = [...document.querySelectorAll(".plot")].map((each) => each.dataset.chosen);
+  return Number(plot.dataset.chosen) === Math.max(...versions.map(Number));
+}"""
+
+
 def _seen(page):
     """Scroll over the whole page, as charts follow when they come near."""
     for plot in page.locator(".plot").all():
         plot.evaluate("(each) => each.scrollIntoView()")
-        page.evaluate("() => new Promise((done) => setTimeout(done, 40))")
+        page.wait_for_function(HAS_FOLLOWED, arg=plot.element_handle())
 
 
 class TestThreshold:

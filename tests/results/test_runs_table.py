@@ -138,7 +138,7 @@ DESIGN_TABLES = {
     "morris": "trajectories = 3",
     "one-at-a-time": "step = 0.01",
     "subset-simulation": 'event = "y > 5"\nsamples = 100\nreplicates = 3',
-    "active-learning": 'event = "y > 5"',
+    "active-learning": 'event = "y > 5"\nlearning = 20\ncorrection = 60\nbatch = 10',
     "form": 'event = "y > 5"',
     "importance-sampling": 'event = "y > 5"\nsamples = 200\nreplicates = 3',
     "table": 'file = "points.csv"',
