@@ -19,6 +19,40 @@ from uqpen.core.errors import ModelError, UnknownNameError
 
 # Fewest characters of a part of a name that stands for the name.
 _SHORTEST_PART = 3
+# What other programs and the literature say, and the names here; the first that is known is meant.
+_SYNONYMS = {
+    "a min minimum low": ("lower",),
+    "b max maximum high": ("upper",),
+    "loc mu average expectation": ("mean",),
+    "scale sigma sd stdev stddev standard-deviation": ("std",),
+    "mc crude random iid srs": ("monte-carlo",),
+    "lh lhs latin": ("latin-hypercube",),
+    "qmc lds low-discrepancy lowdiscrepancy quasi-monte-carlo sobol": ("sobol-sequence",),
+    "sobol-indices sobol-index indices pick-freeze": ("saltelli",),
+    "oat ofat": ("one-at-a-time",),
+    "elementary-effects screening": ("morris",),
+    "grid doe factorial": ("full-factorial",),
+    "gauss gaussian collocation cubature": ("quadrature", "normal", "gaussian"),
+    "is": ("importance-sampling",),
+    "ss sus": ("subset-simulation",),
+    "sorm": ("form",),
+    "ak-mcs egra": ("active-learning",),
+    "mlmc mfmc multi-fidelity": ("multifidelity",),
+    "norm": ("normal",),
+    "kriging gp gpr": ("gaussian-process",),
+    "pce pc rsm response-surface linear": ("polynomial-chaos",),
+    "samples n size n-samples num-samples nsamples count": ("runs", "trajectories", "base"),
+    "limit threshold greater-than above": ("exceeds",),
+    "less-than under": ("below",),
+    "percentiles percentile": ("quantiles",),
+    "cvar es": ("expected_shortfall",),
+    "parameters distributions variables uncertainties": ("inputs",),
+    "responses results qoi": ("outputs",),
+    "correlation correlations copula": ("dependence",),
+    "sampling sampler samplers experiments method": ("designs",),
+    "metamodel metamodels emulator emulators": ("surrogates",),
+    "solver simulator code": ("model",),
+}
 
 
 def resolve(reference: str) -> Any:
@@ -120,12 +154,20 @@ def class_version(cls: type) -> dict[str, str]:
 def nearest(name: str, known: Iterable[str]) -> str | None:
     """Return the known name most like `name`, or None where no name is similar.
 
-    A part of one name alone counts as similar.
+    A part of one name alone counts as similar, and what other programs call it.
 
-    >>> nearest("sobol", ["sobol-sequence", "halton"])
+    >>> nearest("sequence", ["sobol-sequence", "halton"])
     'sobol-sequence'
+    >>> nearest("kriging", ["polynomial-chaos", "gaussian-process"])
+    'gaussian-process'
     """
     names = list(known)
+    plain = name.casefold().replace("_", "-")
+    if plain in names:
+        return plain
+    for words, meant in _SYNONYMS.items():
+        if plain in words.split() and (found := [each for each in meant if each in names]):
+            return found[0]
     if matches := difflib.get_close_matches(name, names, n=1, cutoff=0.6):
         return matches[0]
     containing = [each for each in names if len(name) >= _SHORTEST_PART and name in each]

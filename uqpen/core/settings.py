@@ -155,7 +155,8 @@ T = TypeVar("T")
 def read_list(written: Any, read_one: Callable[[Any], T]) -> list[T]:
     """Read each entry of a list in a study file; see `read_each`."""
     if not isinstance(written, list):
-        raise QuantityError(toml_text(written), "a list in square brackets")
+        example = f": [{toml_text(written)}]" if isinstance(written, str | int | float) else ""
+        raise QuantityError(toml_text(written), f"a list in square brackets{example}")
     return read_each(written, read_one)
 
 

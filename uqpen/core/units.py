@@ -92,6 +92,10 @@ _NAMES = ("kg", "kN", "MN", "kPa", "MPa", "GPa", "Hz", "kHz", "MHz", "GHz", "kJ"
 _SPELLINGS = {name.casefold(): name for name in _NAMES} | {
     "knm": "kN m",
     "kwh": "kW h",
+    "wh": "W h",
+    "ah": "A h",
+    "mah": "mA h",
+    "pct": "%",
     "deg": "degree",
     "none": DIMENSIONLESS,
     "unitless": DIMENSIONLESS,

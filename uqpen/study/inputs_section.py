@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,7 +19,7 @@ from uqpen.core.model import Input, Model
 from uqpen.core.quantities import parse_quantity, parse_spread
 from uqpen.core.settings import declared_settings, file, text
 from uqpen.core.streams import Stream
-from uqpen.core.units import ANY_DIMENSION, DIMENSIONLESS, are_convertible, describe
+from uqpen.core.units import ANY_DIMENSION, DIMENSIONLESS, NUMBER, are_convertible, describe
 from uqpen.distributions import DISTRIBUTIONS
 from uqpen.distributions.constraints import Constraint, parse_constraint
 from uqpen.distributions.distribution import Distribution, UnloadedDistribution
@@ -137,6 +138,10 @@ def _listing(parameters: dict[str, float]) -> str:
     return ", ".join(f"{key} {value:g}" for key, value in parameters.items()) or "no parameters"
 
 
+# Characters of an input in another form that is recognised.
+_LONGEST_FORM = 100
+# Keys by which other programs name a distribution beside its parameters.
+_NAMING = ("distribution", "dist", "type", "kind", "family", "name")
 # The key that stands where the name of a distribution would.
 MEASURED = "measured"
 
@@ -329,13 +334,68 @@ def _read_input(table: TableReader, variable: Input, stream: Stream) -> Entry | 
         if _is_usable(table, variable.name, normal):
             return RandomInput(variable, normal, spread.unit, f"normal {value}")
     except QuantityError as error:
-        expected = error.expected
-        if not isinstance(value, str | int | float):
+        found, expected = error.found, error.expected
+        if here := _form_here(value):
+            found, expected = toml_text(value), here
+        elif not isinstance(value, str | int | float):
             expected += ", or a distribution such as { normal = { mean = …, std = … } }"
-        table.add_problem(variable.name, error.found, expected)
+        table.add_problem(variable.name, found, expected)
     except SettingsError:
         table.add_wrong(variable.name, value, "a standard deviation above 0 behind the ±")
     return None
+
+
+# Forms of an input that people bring, each a text as a whole.
+_SPREAD = re.compile(rf"({NUMBER})\s*(.*?)\s*(?:±|\+/-|\+-)\s*({NUMBER})\s*(.*)")
+_END = r"[+-]?\d+(?:\.\d+)?(?:[eE][+-]?\d+)?"
+_RANGE = re.compile(rf"\[?\s*({_END})\s*(.*?)\s*(?:\bto\b|\.\.+|[–…]|-)\s*({_END})\s*\]?\s*(.*)")
+_CALL = re.compile(rf"([NU])\w*\s*\(\s*({NUMBER})\s*,\s*({NUMBER})\s*\)\s*(.*)")
+_FORMULA = re.compile(rf"{NUMBER}\s*\*.*|[A-Za-z_]\w*\s*[-+*/].*")
+
+
+def _form_here(value: object) -> str:
+    """Return how an input in another form is written here; empty for a form that is not known.
+
+    A form that has two meanings has both of them in the answer.
+    """
+    if (
+        isinstance(value, list)
+        and len(value) == 2
+        and all(type(each) in (int, float) for each in value)
+    ):
+        return f"{_uniform(value[0], value[1], '')} for any value between them"
+    if not isinstance(value, str) or len(value) > _LONGEST_FORM:
+        return ""
+    text = value.strip().replace("\N{MINUS SIGN}", "-")
+    if match := _SPREAD.fullmatch(text):
+        mean, unit, half, other = match.groups()
+        middle, size = float(mean), float(half)
+        if other == "%" != unit:
+            size *= abs(middle) / 100
+        elif unit not in ("", other):
+            return ""
+        unit = unit or other
+        limits = _uniform(middle - size, middle + size, unit)
+        return (
+            f'"({mean} ± {size:.6g}) {unit}"'.replace(' "', '"')
+            + f" if that is the standard deviation, {limits} if it is a limit"
+        )
+    if match := _CALL.fullmatch(text):
+        kind, one, two, unit = match.groups()
+        if kind == "U":
+            return _uniform(float(one), float(two), unit)
+        return f'"({one} ± {two}) {unit}"'.replace(' "', '"')
+    if match := _RANGE.fullmatch(text.replace(",", "…") if text.startswith("[") else text):
+        lower, unit, upper, other = match.groups()
+        return f"{_uniform(float(lower), float(upper), other or unit)} for any value between them"
+    if _FORMULA.fullmatch(text):
+        return "a value or a distribution; what follows from other inputs belongs to the model"
+    return ""
+
+
+def _uniform(lower: float, upper: float, unit: str) -> str:
+    ends = [f'"{end:.6g} {unit}"' if unit else f"{end:.6g}" for end in (lower, upper)]
+    return f"{{ uniform = {{ lower = {ends[0]}, upper = {ends[1]} }} }}"
 
 
 def _read_random_input(table: TableReader, variable: Input, stream: Stream) -> Entry | None:
@@ -372,7 +432,13 @@ def _family(table: TableReader) -> str | None:
     families = [key for key in table if key not in _LIMITS]
     if len(families) != 1:
         found = " and ".join(families) or "no distribution"
-        table.add_problem((), found, f"one distribution of {', '.join(_FAMILIES)}")
+        expected = f"one distribution of {', '.join(_FAMILIES)}"
+        for key in _NAMING:
+            if isinstance(named := table.content.get(key), str):
+                others = (f"{each} = …" for each in families if each != key)
+                family = nearest(named, _FAMILIES) or named
+                expected = f"{{ {family} = {{ {', '.join(others)} }} }}"
+        table.add_problem((), found, expected)
         return None
     (family,) = families
     if family in (*_FAMILIES, OBJECT) or is_reference(family):

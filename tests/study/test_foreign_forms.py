@@ -1,0 +1,94 @@
+"""What people write in other programs is met with what it is here."""
+
+import pytest
+from study_text import study_text
+
+import uqpen
+
+
+def expected(tmp_path, **changes):
+    """What a study is told to expect, of all its mistakes."""
+    parts = {
+        "inputs": {"x": "(2 ± 0.1) m", "y": "2 m"},
+        "designs": {"d": {"kind": "monte-carlo", "runs": 50}},
+        **changes,
+    }
+    (tmp_path / "m.py").write_text("def f(x, y):\n    return {'z': x * y}\n")
+    model = {"python": "m.py:f", "inputs": {"x": "m", "y": "m"}, "outputs": {"z": "m2"}}
+    with pytest.raises(uqpen.StudyError) as caught:
+        uqpen.parse_study(study_text(model, seed=1, **parts), folder=tmp_path)
+    return "\n".join(problem.expected for problem in caught.value.problems)
+
+
+WORDS = {
+    ("designs", "d", "kind"): {
+        "lhs": "latin-hypercube",
+        "random": "monte-carlo",
+        "mc": "monte-carlo",
+        "sobol": "sobol-sequence",
+        "qmc": "sobol-sequence",
+        "sobol_indices": "saltelli",
+        "grid": "full-factorial",
+        "OAT": "one-at-a-time",
+        "FORM": "form",
+    },
+    ("surrogates", "s", "kind"): {
+        "kriging": "gaussian-process",
+        "GP": "gaussian-process",
+        "pce": "polynomial-chaos",
+    },
+    ("inputs", "x", "normal"): {"loc": "mean", "mu": "mean", "scale": "std", "sigma": "std"},
+    ("inputs", "x", "uniform"): {"min": "lower", "max": "upper", "low": "lower"},
+    ("inputs", "x"): {"gaussian": "normal", "norm": "normal"},
+    ("designs", "d"): {"samples": "runs", "n": "runs", "size": "runs"},
+    ("outputs", "z"): {"limit": "exceeds", "percentiles": "quantiles", "less_than": "below"},
+    (): {"parameters": "inputs", "correlation": "dependence"},
+}
+CASES = [(path, word, here) for path, words in WORDS.items() for word, here in words.items()]
+
+
+@pytest.mark.parametrize(
+    ("path", "word", "here"), CASES, ids=[".".join((*path, word)) for path, word, _ in CASES]
+)
+def test_a_word_of_other_programs_is_met_with_the_one_here(path, word, here, tmp_path):
+    value = {"mean": "1 m"} if path in {("inputs", "x"), ()} else ["1 m2"]
+    changes = {word: {"some": value} if path == () else value}
+    if path[:1] == ("designs",):
+        changes |= {"kind": "monte-carlo"}
+    if path[2:] == ("kind",):
+        path, changes = path[:2], {"kind": word, "design": "d"}
+    for key in reversed(path):
+        changes = {key: changes}
+    assert f'did you mean "{here}"?' in expected(tmp_path, **changes)
+
+
+@pytest.mark.parametrize(
+    ("form", "here"),
+    [
+        (
+            "2 m ± 3 %",
+            '"(2 ± 0.06) m" if that is the standard deviation, { uniform = { lower = "1.94 m"',
+        ),
+        ("2 m ± 0.1 m", '"(2 ± 0.1) m" if that is the standard deviation'),
+        ("2 +/- 0.1 m", '"(2 ± 0.1) m" if'),
+        ("2 m to 3 m", '{ uniform = { lower = "2 m", upper = "3 m" } } for any value between them'),
+        ("2 - 3 m", '{ uniform = { lower = "2 m", upper = "3 m" } }'),
+        ("2..3 m", '{ uniform = { lower = "2 m", upper = "3 m" } }'),
+        ("[2, 3] m", '{ uniform = { lower = "2 m", upper = "3 m" } }'),
+        ([2, 3], "{ uniform = { lower = 2, upper = 3 } }"),
+        ("N(2, 0.1) m", '"(2 ± 0.1) m"'),
+        ("U(2, 3) m", '{ uniform = { lower = "2 m", upper = "3 m" } }'),
+        ("40 * y", "what follows from other inputs belongs to the model"),
+        ({"type": "normal", "mean": "2 m", "std": "1 m"}, "{ normal = { mean = …, std = … } }"),
+        ("5 Ah", 'did you mean "A h"?'),
+    ],
+    ids=str,
+)
+def test_a_form_of_an_input_is_met_with_all_that_it_may_mean(form, here, tmp_path):
+    assert here in expected(tmp_path, inputs={"x": form, "y": "2 m"})
+
+
+def test_a_single_threshold_is_met_with_its_list(tmp_path):
+    assert 'a list in square brackets: ["3 m2"]' in expected(
+        tmp_path, outputs={"z": {"exceeds": "3 m2"}}
+    )
