@@ -29,7 +29,7 @@ import numpy.typing as npt
 from gaussian_process import CASES, ishigami
 from scipy import special
 from scipy.stats import qmc
-from seed_table import FEWEST, LOWEST, Case, Row, SeedTable, lines, per_cent, totals
+from seed_table import FEWEST, Case, Row, SeedTable, lines, per_cent, too_seldom, totals
 from skewed_coverage import Design
 
 from uqpen.core.model import Output
@@ -444,12 +444,6 @@ def _cells(rows: Sequence[Row]) -> dict[tuple[str, str, int, str], SimpleNamespa
     return totals(merged, ("function", "design", "runs", "statistic"), ("count", *SUMS))
 
 
-def _failing(rows: Sequence[Row]) -> Iterator[str]:
-    for key, cell in _cells(rows).items():
-        if cell.intervals >= FEWEST and cell.covers < LOWEST * cell.intervals:
-            yield f"{key}: {per_cent(cell.covers, cell.intervals)}"
-
-
 def _page(rows: Sequence[Row]) -> Iterator[str]:
     cells = _cells(rows)
     statistics = list(dict.fromkeys(statistic for *_, statistic in cells))
@@ -509,7 +503,7 @@ TABLE = SeedTable(
     _cases,
     _rows,
     {"corrected estimates of surrogates": _page},
-    _failing,
+    lambda rows: too_seldom(_cells(rows)),
     at_once=5,
 )
 

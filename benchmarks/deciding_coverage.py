@@ -11,6 +11,7 @@ import argparse
 import multiprocessing
 from collections.abc import Callable, Iterator
 from functools import cache
+from itertools import chain
 from multiprocessing.pool import Pool
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -221,12 +222,6 @@ def _replicates_table(seeds: int, pool: Pool) -> Iterator[str]:
                 yield f"| {design} | {name} | `{key}` | {' | '.join(cells)} |"
 
 
-def _independent_tables(seeds: int, pool: Pool) -> Iterator[str]:
-    yield from _precision_table(seeds, pool)
-    yield ""
-    yield from _decision_table(seeds)
-
-
 def _precision_table(seeds: int, pool: Pool) -> Iterator[str]:
     yield from lines(["output", "target", "fixed at 512", "worst target", "middle target"], ())
     for name in POOLS:
@@ -367,7 +362,9 @@ def _decisive_counts(limit: float) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
 
 
 TABLES = {
-    "designs that end by themselves": _independent_tables,
+    "designs that end by themselves": lambda seeds, pool: chain(
+        _precision_table(seeds, pool), [""], _decision_table(seeds)
+    ),
     "replicates that end by themselves": _replicates_table,
 }
 

@@ -10,11 +10,12 @@ from __future__ import annotations
 
 import argparse
 import math
-import subprocess
 import sys
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
+
+from flat_memory import cost
 
 MODEL = """\
 import numpy as np
@@ -90,18 +91,9 @@ def main() -> None:
 
 
 def _measured(command: list[str], folder: Path) -> str:
-    """Return processor time and peak memory of a command, in a process that waits for it alone."""
-    code = (
-        "import resource, subprocess, sys\n"
-        "subprocess.run([sys.executable, '-m', 'uqpen', *sys.argv[1:]], check=True,"
-        " stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)\n"
-        "used = resource.getrusage(resource.RUSAGE_CHILDREN)\n"
-        "print(used.ru_utime + used.ru_stime, used.ru_maxrss / 1024)\n"
-    )
-    run = [sys.executable, "-c", code, *command]
-    found = subprocess.run(run, cwd=folder, check=True, capture_output=True, text=True).stdout
-    seconds, memory = map(float, found.split())
-    return f"{seconds:6.1f} s of processor time, at most {memory:5.0f} MB"
+    """Return processor time and peak memory of a command."""
+    found = cost([sys.executable, "-m", "uqpen", *command], folder)
+    return f"{found.seconds:6.1f} s of processor time, at most {found.memory / 2**20:5.0f} MB"
 
 
 if __name__ == "__main__":

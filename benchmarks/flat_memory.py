@@ -21,7 +21,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -59,14 +59,16 @@ def main() -> None:
             folder = Path(place)
             text = _STUDY.read_text().replace("10_000", f'{runs}\nkeep = "{options.keep}"')
             (folder / "study.toml").write_text(text)
-            study = _study_command(runs_alone=options.runs_alone)
+            study = _uqpen("study", "study.toml", "-o", "study.nc")
+            if options.runs_alone:
+                study = [sys.executable, "-c", _RUNS_ALONE]
             if options.kill:
                 _kill(study, folder, runs)
-            _show(runs, "study", _cost(study, folder), runs)
+            _show(runs, "study", cost(study, folder), runs)
             if options.kill:
                 _compare(study, folder)
             for command in () if options.runs_alone else ("show", "report", "verify"):
-                _show(runs, command, _cost(_uqpen(command, "study.nc"), folder), runs)
+                _show(runs, command, cost(_uqpen(command, "study.nc"), folder), runs)
 
 
 def _options() -> argparse.Namespace:
@@ -83,12 +85,6 @@ def _uqpen(*words: str) -> list[str]:
     return [sys.executable, "-m", "uqpen", *words]
 
 
-def _study_command(*, runs_alone: bool) -> list[str]:
-    if runs_alone:
-        return [sys.executable, "-c", _RUNS_ALONE]
-    return _uqpen("study", "study.toml", "-o", "study.nc")
-
-
 def _show(runs: int, command: str, cost: Cost, per: int) -> None:
     print(
         f"{runs:<11_} {command:8} {cost.seconds:7.1f} {1e6 * cost.seconds / per:10.2f}"
@@ -97,7 +93,7 @@ def _show(runs: int, command: str, cost: Cost, per: int) -> None:
     )
 
 
-def _cost(command: Sequence[str], folder: Path) -> Cost:
+def cost(command: Sequence[str], folder: Path) -> Cost:
     """Run a command in a folder, and return what it cost."""
     with (folder / "output.txt").open("wb") as output, _DiskWatch(folder) as watch:
         process = subprocess.Popen(
@@ -142,7 +138,8 @@ def _kill(command: Sequence[str], folder: Path, runs: int) -> None:
     process = subprocess.Popen(
         command, cwd=folder, env=_ENVIRONMENT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
     )
-    _wait(lambda: _kept_blocks(folder) >= runs // 65_536 // 2 or process.poll() is not None)
+    while _kept_blocks(folder) < runs // 65_536 // 2 and process.poll() is None:
+        time.sleep(0.02)
     process.send_signal(signal.SIGKILL)
     process.wait()
     print(f"killed with {_kept_blocks(folder)} blocks of {-(-runs // 65_536)}")
@@ -153,11 +150,6 @@ def _kept_blocks(folder: Path) -> int:
     return record.read_bytes().count(b"\n") if record.exists() else 0
 
 
-def _wait(is_over: Callable[[], bool]) -> None:
-    while not is_over():
-        time.sleep(0.02)
-
-
 def _compare(command: Sequence[str], folder: Path) -> None:
     """Print whether an archive that was continued has the bytes of one that was not."""
     restored = [
@@ -165,7 +157,7 @@ def _compare(command: Sequence[str], folder: Path) -> None:
     ]
     continued = _sha256(folder / "study.nc")
     (folder / "study.nc").unlink()
-    _cost(command, folder)
+    cost(command, folder)
     same = "the same" if _sha256(folder / "study.nc") == continued else "OTHER"
     print(f"{restored[0].partition(': ')[2]}; {same} bytes as without the kill")
 

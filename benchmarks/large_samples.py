@@ -83,14 +83,6 @@ class DrawnRuns(BlockedRuns):
         return np.concatenate([self.part(start, stop, [name])[name] for start, stop in ranges])
 
 
-def seconds_of_drawing(runs: DrawnRuns) -> float:
-    """Processor time of drawing all runs once."""
-    begun = time.process_time()
-    for start, stop in block_ranges(runs.size):
-        runs.part(start, stop, INPUTS)
-    return time.process_time() - begun
-
-
 def main() -> None:
     """Print a line for each number of runs."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -98,7 +90,10 @@ def main() -> None:
     analyze(DrawnRuns(2**16), QUANTITIES, in_memory=1000)  # compiles
     for size in parser.parse_args().runs:
         runs = DrawnRuns(size)
-        drawing = seconds_of_drawing(runs)
+        begun = time.process_time()
+        for start, stop in block_ranges(size):
+            runs.part(start, stop, INPUTS)
+        drawing = time.process_time() - begun
         begun = time.process_time()
         analyze(runs, QUANTITIES, in_memory=1000)
         analyze_failures(runs, in_memory=1000)

@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 import xarray as xr
 from scipy.stats import qmc
-from seed_table import FEWEST, LOWEST, Case, Row, SeedTable, lines, per_cent, totals
+from seed_table import FEWEST, Case, Row, SeedTable, lines, per_cent, too_seldom, totals
 
 import uqpen
 from uqpen.core.labels import ROLE, RUN, SAMPLING, STATUS
@@ -233,12 +233,6 @@ def _cells(rows: Sequence[Row]) -> dict[tuple[str, int, str], SimpleNamespace]:
     return totals(rows, ("problem", "budget", "statistic"), sums)
 
 
-def _failing(rows: Sequence[Row]) -> Iterator[str]:
-    for key, cell in _cells(rows).items():
-        if cell.intervals >= FEWEST and cell.covers < LOWEST * cell.intervals:
-            yield f"{key}: {per_cent(cell.covers, cell.intervals)}"
-
-
 def _page(rows: Sequence[Row]) -> Iterator[str]:
     cells = _cells(rows)
     names = {"std": "standard deviation"}
@@ -265,7 +259,14 @@ def _cases() -> Iterator[tuple[str, int]]:
         yield from ((name, budget) for budget in problem.budgets)
 
 
-TABLE = SeedTable(("problem", "budget"), _cases, _rows, {"stand-ins": _page}, _failing, at_once=25)
+TABLE = SeedTable(
+    ("problem", "budget"),
+    _cases,
+    _rows,
+    {"stand-ins": _page},
+    lambda rows: too_seldom(_cells(rows)),
+    at_once=25,
+)
 
 if __name__ == "__main__":
     sys.exit(TABLE.main(__doc__))

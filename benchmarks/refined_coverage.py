@@ -35,7 +35,7 @@ from corrected_coverage import (
     _predicted,
 )
 from scipy import special
-from seed_table import FEWEST, LOWEST, Case, Row, SeedTable, lines, per_cent, totals
+from seed_table import Case, Row, SeedTable, lines, too_seldom, totals
 
 from uqpen.core.labels import RUN, STATUS, WEIGHT
 from uqpen.core.model import Output, Results
@@ -217,12 +217,6 @@ def _cells(rows: Sequence[Row]) -> dict[tuple[str, str, str], SimpleNamespace]:
     return totals(rows, ("function", "runs", "statistic"), ("count", *SUMS))
 
 
-def _failing(rows: Sequence[Row]) -> Iterator[str]:
-    for key, cell in _cells(rows).items():
-        if cell.intervals >= FEWEST and cell.covers < LOWEST * cell.intervals:
-            yield f"{key}: {per_cent(cell.covers, cell.intervals)}"
-
-
 def _page(rows: Sequence[Row]) -> Iterator[str]:
     cells = _cells(rows)
     of = []
@@ -251,7 +245,7 @@ TABLE = SeedTable(
     lambda: ((each,) for each in STUDIED),
     _rows,
     {"refined designs": _page},
-    _failing,
+    lambda rows: too_seldom(_cells(rows)),
     at_once=5,
 )
 

@@ -189,6 +189,13 @@ def lines(head: Sequence[str], rows: Iterable[Iterable[object]]) -> Iterator[str
         yield f"| {' | '.join(map(str, row))} |"
 
 
+def too_seldom(cells: Mapping[Any, SimpleNamespace]) -> Iterator[str]:
+    """Yield a line for each cell whose intervals cover too seldom."""
+    for key, cell in cells.items():
+        if cell.intervals >= FEWEST and cell.covers < LOWEST * cell.intervals:
+            yield f"{key}: {per_cent(cell.covers, cell.intervals)}"
+
+
 def per_cent(part: float, whole: float) -> str:
     """Return a share in per cent."""
     return f"{100 * part / whole:.1f}"

@@ -114,32 +114,6 @@ design = "monte_carlo"
 order = 4
 """
 
-BUDGETS = """\
-title = "Ishigami function by three methods"
-seed = 5
-[model]
-use = "ishigami"
-[inputs]
-x1 = { uniform = { lower = -3.14, upper = 3.14 } }
-x2 = { uniform = { lower = -3.14, upper = 3.14 } }
-x3 = { uniform = { lower = -3.14, upper = 3.14 } }
-[designs.monte_carlo]
-kind = "monte-carlo"
-runs = 256
-[designs.hypercube]
-kind = "latin-hypercube"
-runs = 256
-replicates = 8
-[designs.sobol]
-kind = "sobol-sequence"
-runs = 256
-replicates = 8
-[surrogates.chaos]
-kind = "polynomial-chaos"
-design = "hypercube"
-order = 5
-"""
-
 MODEL = """\
 import numpy as np
 
@@ -174,8 +148,9 @@ def uqpen(folder: Path, *arguments: str) -> str:
 def make(folder: Path) -> None:
     folder.mkdir(parents=True)
     (folder / "model.py").write_text(MODEL)
-    texts = {"failures": FAILURES, "dependent": DEPENDENT, "fields": FIELDS, "budgets": BUDGETS}
+    texts = {"failures": FAILURES, "dependent": DEPENDENT, "fields": FIELDS}
     texts |= {name: (STUDIES / f"{name}.toml").read_text() for name in ("concrete", "rods")}
+    texts["budgets"] = (STUDIES / "ishigami.toml").read_text()
     for name, text in texts.items():
         (folder / f"{name}.toml").write_text(text)
         command = ["compare", *COMPARISON] if name == "budgets" else ["study"]

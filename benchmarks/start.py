@@ -21,7 +21,8 @@ import statistics
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
@@ -106,9 +107,8 @@ def main() -> None:
     arguments = _arguments()
     cases = [case for case in CASES if not arguments.only or case.name in arguments.only]
     with tempfile.TemporaryDirectory() as scratch:
-        folder, base = Path(scratch), Path(scratch) / "base"
-        _git("worktree", "add", "--quiet", "--detach", str(base), arguments.base)
-        try:
+        folder = Path(scratch)
+        with checkout_of(arguments.base, folder) as base:
             sides = [Side(each, folder, arguments.without) for each in (base, ROOT)]
             _prepare(sides[0], {name for case in cases for name in case.arguments}, arguments)
             for case in cases:
@@ -119,8 +119,6 @@ def main() -> None:
                     for _ in range(arguments.repeats)
                 ]
                 _print_ratios(case.name, pairs)
-        finally:
-            _git("worktree", "remove", "--force", str(base))
 
 
 def _arguments() -> argparse.Namespace:
@@ -165,8 +163,15 @@ def _children_seconds() -> float:
     return used.ru_utime + used.ru_stime
 
 
-def _git(*arguments: str) -> None:
-    subprocess.run(["git", "-C", str(ROOT), *arguments], check=True, capture_output=True)
+@contextmanager
+def checkout_of(commit: str, folder: Path) -> Iterator[Path]:
+    """Check a commit out below a folder, and remove it in the end."""
+    git, base = ["git", "-C", str(ROOT), "worktree"], str(folder / "base")
+    subprocess.run([*git, "add", "--quiet", "--detach", base, commit], check=True)
+    try:
+        yield Path(base)
+    finally:
+        subprocess.run([*git, "remove", "--force", base], check=True)
 
 
 if __name__ == "__main__":

@@ -25,8 +25,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from seed_table import fill
-
-ROOT = Path(__file__).resolve().parents[1]
+from start import ROOT, checkout_of
 
 
 class Case(NamedTuple):
@@ -121,24 +120,19 @@ def _measure(options: argparse.Namespace) -> list[Measured]:
     """Measure both commits by turns, and add each result to the file at once."""
     known = list(_read(options.output)) if options.output.exists() else []
     done = {(each.case, each.repeat, each.commit) for each in known}
-    with tempfile.TemporaryDirectory() as scratch:
-        base = Path(scratch) / "base"
-        _git("worktree", "add", "--quiet", "--detach", str(base), options.base)
-        try:
-            for repeat in range(options.repeats):
-                for case in options.only or CASES:
-                    for commit, checkout in (("base", base), ("here", ROOT)):
-                        if (case, repeat, commit) not in done:
-                            seconds, memory = _cost(checkout, CASES[case])
-                            known.append(Measured(case, repeat, commit, seconds, memory))
-                            _write(options.output, known)
-        finally:
-            _git("worktree", "remove", "--force", str(base))
+    with (
+        tempfile.TemporaryDirectory() as scratch,
+        checkout_of(options.base, Path(scratch)) as base,
+    ):
+        for repeat in range(options.repeats):
+            for case in options.only or CASES:
+                for commit, checkout in (("base", base), ("here", ROOT)):
+                    if (case, repeat, commit) not in done:
+                        seconds, memory = _cost(checkout, CASES[case])
+                        known.append(Measured(case, repeat, commit, seconds, memory))
+                        with options.output.open("w", newline="", encoding="utf-8") as file:
+                            csv.writer(file).writerows([Measured._fields, *known])
     return known
-
-
-def _git(*arguments: str) -> None:
-    subprocess.run(["git", "-C", str(ROOT), *arguments], check=True)
 
 
 def _cost(checkout: Path, case: Case) -> tuple[float, float]:
@@ -160,11 +154,6 @@ def _read(path: Path) -> Iterator[Measured]:
             yield Measured(case, int(repeat), commit, float(seconds), float(memory))
 
 
-def _write(path: Path, rows: Sequence[Measured]) -> None:
-    with path.open("w", newline="", encoding="utf-8") as file:
-        csv.writer(file).writerows([Measured._fields, *rows])
-
-
 def _lines(measured: Sequence[Measured]) -> Iterator[str]:
     """Yield the lines of the table: medians, and the ratios of each repeat with their range."""
     yield "| inputs | outputs | runs | before, s | now, s | ratio (range) | before, MB | now, MB |"
@@ -182,16 +171,12 @@ def _lines(measured: Sequence[Measured]) -> Iterator[str]:
         ratios = [new.seconds / old.seconds for old, new in zip(base, here, strict=True)]
         yield (
             f"| {case.inputs} | {case.outputs} | {case.runs:_} "
-            f"| {_median(each.seconds for each in base):.3g} "
-            f"| {_median(each.seconds for each in here):.3g} "
-            f"| {_median(ratios):.2f} {_range(ratios)} "
-            f"| {_median(each.memory for each in base) / 1e6:.0f} "
-            f"| {_median(each.memory for each in here) / 1e6:.0f} |"
+            f"| {statistics.median(each.seconds for each in base):.3g} "
+            f"| {statistics.median(each.seconds for each in here):.3g} "
+            f"| {statistics.median(ratios):.2f} {_range(ratios)} "
+            f"| {statistics.median(each.memory for each in base) / 1e6:.0f} "
+            f"| {statistics.median(each.memory for each in here) / 1e6:.0f} |"
         )
-
-
-def _median(values: Iterator[float] | Sequence[float]) -> float:
-    return statistics.median(values)
 
 
 def _range(ratios: Sequence[float]) -> str:

@@ -130,7 +130,7 @@ def _counts(array: xr.DataArray, statistic: str, truth: Truth) -> dict[str, int]
         if math.isnan(upper - lower):
             counts["refused"] += 1
             continue
-        has_note = bool(_text(estimate))
+        has_note = NOTE in estimate.coords and bool(str(estimate.coords[NOTE].values))
         is_off = not lower <= true <= upper
         counts["off"] += is_off
         counts["silent"] += is_off and not has_note
@@ -138,11 +138,6 @@ def _counts(array: xr.DataArray, statistic: str, truth: Truth) -> dict[str, int]
             counts["surrogate_off"] += 1
             counts["surrogate_silent"] += lower <= own <= upper and not has_note
     return counts
-
-
-def _text(estimate: xr.DataArray) -> str:
-    note = estimate.coords.get(NOTE)
-    return "" if note is None else str(note.values)
 
 
 def _figures(

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from importlib import metadata
 from typing import Any
 
@@ -67,8 +67,12 @@ def unexplained(predicted: FloatArray) -> Figures:
     return {"unexplained": float(np.mean((np.ravel(predicted) - truth) ** 2) / VARIANCE)}
 
 
-def main(package: str, tasks: Mapping[str, Task], arguments: Sequence[str] = ()) -> None:
-    """Do the task that the command line names, and print its figures; without one, list tasks."""
+def main(package: str, start: Task, *others: Task, arguments: Sequence[str] = ()) -> None:
+    """Do the task that the command line names, and print its figures; without one, list tasks.
+
+    A task has the name of its function; the first one also measures the start of a process.
+    """
+    tasks = {each.__name__.replace("_", "-"): each for each in (start, *others)} | {"start": start}
     given = arguments or sys.argv[1:]
     if not given:
         print(json.dumps({"version": metadata.version(package), "tasks": sorted(tasks)}))

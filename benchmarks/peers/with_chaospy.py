@@ -44,10 +44,4 @@ def expansion(runs: int, seed: int) -> Figures:
 
 
 if __name__ == "__main__":
-    tasks = {
-        "start": moments,
-        "moments": moments,
-        "one-by-one": one_by_one,
-        "expansion": expansion,
-    }
-    main("chaospy", tasks)
+    main("chaospy", moments, one_by_one, expansion)

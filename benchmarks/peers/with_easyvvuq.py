@@ -78,10 +78,4 @@ def terms(order: int) -> int:
 
 
 if __name__ == "__main__":
-    tasks = {
-        "start": one_by_one,
-        "one-by-one": one_by_one,
-        "sobol": sobol,
-        "expansion": expansion,
-    }
-    main("easyvvuq", tasks)
+    main("easyvvuq", one_by_one, sobol, expansion)

@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import numpy as np
-from shared import DIMENSION, LOWER, UPPER, Figures, FloatArray, function, main, moments, one_run
+from shared import DIMENSION, LOWER, UPPER, Figures, FloatArray, function, main, one_run
+from shared import moments as figures
 
 
 def points(runs: int, seed: int) -> FloatArray:
     return np.random.default_rng(seed).uniform(LOWER, UPPER, (runs, DIMENSION))
 
 
-def vectorized(runs: int, seed: int) -> Figures:
-    return moments(function(points(runs, seed)))
+def moments(runs: int, seed: int) -> Figures:
+    return figures(function(points(runs, seed)))
 
 
 def one_by_one(runs: int, seed: int) -> Figures:
     values = [one_run(*point) for point in points(runs, seed).tolist()]
-    return moments(np.array(values))
+    return figures(np.array(values))
 
 
 if __name__ == "__main__":
-    main("numpy", {"start": vectorized, "moments": vectorized, "one-by-one": one_by_one})
+    main("numpy", moments, one_by_one)

@@ -47,10 +47,4 @@ def sobol(runs: int, seed: int) -> Figures:
 
 
 if __name__ == "__main__":
-    tasks = {
-        "start": given_data,
-        "one-by-one": one_by_one,
-        "given-data": given_data,
-        "sobol": sobol,
-    }
-    main("SALib", tasks)
+    main("SALib", given_data, one_by_one, sobol)

@@ -107,12 +107,4 @@ def expansion(runs: int, seed: int) -> Figures:
 
 
 if __name__ == "__main__":
-    tasks = {
-        "start": moments,
-        "moments": moments,
-        "one-by-one": one_by_one,
-        "given-data": given_data,
-        "sobol": sobol,
-        "expansion": expansion,
-    }
-    main("uqpen", tasks)
+    main("uqpen", moments, one_by_one, given_data, sobol, expansion)

@@ -83,11 +83,4 @@ def expansion(runs: int, seed: int) -> Figures:
 
 
 if __name__ == "__main__":
-    tasks = {
-        "start": moments,
-        "moments": moments,
-        "one-by-one": one_by_one,
-        "sobol": sobol,
-        "expansion": expansion,
-    }
-    main("UQpy", tasks)
+    main("UQpy", moments, one_by_one, sobol, expansion)
