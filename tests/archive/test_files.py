@@ -147,6 +147,8 @@ def test_no_name_leads_out_of_the_folder(names, tmp_path_factory):
         ([kept("a/")], "'a/': is not the name of a file"),
         ([kept("../" * 17 + "a")], "is not the name of a file"),
         ([kept("a\0")], "'a\\x00': is not the name of a file"),
+        ([kept("..")], "'..': is not the name of a file"),
+        ([kept("n" * 256)], "is not the name of a file"),
         ([kept("a"), kept("./a", b"other")], '"./a": two files are to lie in the same place'),
         ([kept("a"), kept("b/../a", b"other")], '"b/../a": two files are to lie in the same'),
         ([kept("a"), kept("a/b")], '"a/b": File exists'),

@@ -162,10 +162,8 @@ def kept_archives(studies):
 @pytest.mark.parametrize(
     ("before", "after"),
     [
-        ('kind = "monte-carlo"', 'kind = "latin-hypercube"'),
         ("runs = 30", "runs = 29"),
         ("seed = 11", "seed = 12"),
-        ('x = "0 ± 1"', 'x = "0 ± 2"'),
         ("[designs.one]", "[designs.one]\nkeep = 'statistics'"),
         ("[inputs]", '[constraints]\nkeep = ["x < 1"]\n[inputs]'),
         ('x = "0 ± 1"', 'x = "1"'),
@@ -260,13 +258,7 @@ LOG_LINES = {
     f"{SHORT}|{WRITTEN}|{SHORT}": True,
     SHORT: True,
     "nothing of any run": True,
-    "one: 9 runs in 61.000 s, 0 of them failed|study.nc: is written": True,
-    "one: 9 runs in 61.000 s, 0 of them failed|study.nc: is written"
-    "|one: 9 runs in 1.000 s, 0 of them failed|study.nc: is written": False,
-    "one: 9 runs in 61.000 s, 0 of them failed|study.nc: is written"
-    "|one: 9 runs were taken from folder/study.nc|study.nc: is written": True,
-    "one: 9 runs in 1.000 s, 0 of them failed|study.nc: is written"
-    "|one: 9 runs in 61.000 s, 0 of them failed|ended early: KeyboardInterrupt": False,
+    f"{SHORT}|{WRITTEN}|{LONG}|ended early: KeyboardInterrupt": False,
 }
 
 

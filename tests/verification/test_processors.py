@@ -5,12 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
 import pytest
 from study_text import study_text
 
 import uqpen
-from uqpen.archive.netcdf import write_tree
 from uqpen.archive.provenance import provenance, provenance_differences
 from uqpen.verification.diff import diff_archives
 
@@ -25,14 +23,8 @@ SWITCHES = {
     },
 }
 
-# Where an archive is made and where it is verified: nothing is made or verified in only one place,
-# and each switch meets this processor both ways.
-PAIRS = [
-    (there, here)
-    for there in SWITCHES
-    for here in SWITCHES
-    if there == here or "as it is" in (there, here)
-]
+# Where an archive is made and where it is verified: each switch meets this processor both ways.
+PAIRS = [(there, here) for there in SWITCHES for here in SWITCHES if "as it is" in (there, here)]
 
 # The sine is NumPy's own on each processor, and the fit is made by BLAS; a rule's mean is 0 but for
 # rounding.
@@ -56,7 +48,7 @@ order = 3
 
 
 class Made(NamedTuple):
-    """Archives made under each switch, two of them changed, and what `verify` says of all."""
+    """Archives made under each switch, one of them changed, and what `verify` says of all."""
 
     folder: Path
     verified: dict[str, dict[str, tuple[int, str]]]
@@ -71,11 +63,7 @@ def made(tmp_path_factory, fresh_process):
     folder = tmp_path_factory.mktemp("made")
     (folder / "small.toml").write_text(STUDY)
     uqpen.write(uqpen.run(uqpen.load_study(folder / "small.toml")), folder / "as it is.nc")
-    uqpen.write(uqpen.run(uqpen.parse_study(RUNS)), folder / "runs.nc")
-    tree = uqpen.open_archive(folder / "runs.nc")
-    tree["runs/sample"]["y"].values.view(np.uint64)[17] ^= 1
-    write_tree(tree, folder / "damaged.nc")
-    tree = uqpen.open_archive(folder / "runs.nc")
+    tree = uqpen.run(uqpen.parse_study(RUNS))
     # Above what another processor may change; a last bit is reported where nothing else differs.
     tree["runs/sample"]["y"].values[17] *= 1 + 1e-7
     uqpen.write(tree, folder / "forged.nc")
@@ -83,7 +71,7 @@ def made(tmp_path_factory, fresh_process):
     for here in reversed(SWITCHES):  # The last one verifies what those before it have made.
         is_there = (folder / f"{here}.nc").exists()
         makes = [] if is_there else [["study", "small.toml", "-o", f"{here}.nc"]]
-        names = [*(there for there, other in PAIRS if other == here), "damaged", "forged"]
+        names = [*(there for there, other in PAIRS if other == here), "forged"]
         lines = [["verify", f"{name}.nc", "--all"] for name in names]
         outcomes = fresh_process(folder, *makes, *lines, variables=SWITCHES[here])
         assert all(done.code == 0 for done in outcomes[: len(makes)]), outcomes
@@ -102,13 +90,6 @@ def test_an_honest_archive_is_verified_on_another_processor(made, there, here):
     if not differences:
         assert "made with the same versions and kind of processor as here" in said
         assert said.count("bit-equal") == 2
-
-
-@pytest.mark.parametrize("switch", SWITCHES)
-def test_a_changed_run_is_reported_everywhere(made, switch):
-    code, said = made.verified[switch]["damaged"]
-    assert code == 4
-    assert "/runs/sample is changed" in said
 
 
 @pytest.mark.parametrize("switch", SWITCHES)

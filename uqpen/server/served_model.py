@@ -219,7 +219,10 @@ class RunBudget:
     """
 
     def __init__(self, path: Path, runs: int, identities: Mapping[str, Mapping[str, Any]]) -> None:
-        models = {name: _hash(identity) for name, identity in identities.items()}
+        models = {
+            name: hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()
+            for name, identity in identities.items()
+        }
         self.path = path
         self.runs = runs
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -299,7 +302,3 @@ def _parse_entry(line: bytes) -> dict[str, Any] | None:
     except ValueError:
         return None
     return entry if isinstance(entry, dict) else None
-
-
-def _hash(identity: Mapping[str, Any]) -> str:
-    return hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()

@@ -4,21 +4,18 @@ from __future__ import annotations
 
 import json
 import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler
 from importlib.resources import files
 from typing import Any
 
-import xarray as xr
-
 from uqpen.core.labels import RUN
 from uqpen.core.status import STATUS_TEXT
 from uqpen.results.digits import grouped_number
 from uqpen.results.failed_runs import failure_causes
 from uqpen.results.output_tables import statistics_tables
-from uqpen.results.table import OutputTable
 from uqpen.results.texts import duration_text, runs_text, step_text
 from uqpen.server.model_server import LimitsConnections
 from uqpen.workflow.running_results import RunningResults
@@ -151,16 +148,29 @@ def watch_state(running: RunningResults) -> dict[str, Any]:
     runs = runs_text(progress)
     if rate and not progress.step:
         runs += f"; {_rate_text(rate)}"
-    finished = [each for runs in results.finished.values() for each in runs]
-    causes = failure_causes(finished)
+    causes = failure_causes([each for made in results.finished.values() for each in made])
+    designs = []
+    for name, made in results.finished.items():
+        count = grouped_number(sum(each.sizes[RUN] for each in made))
+        # Why it has no estimates yet, or where they are.
+        why = f"none: {results.reasons[name]}" if name in results.reasons else "below"
+        designs.append((name, count, why))
     return {
         "title": str(results.tree.attrs["title"]),
         "step": step_text(progress),
         "runs": runs,
         "done": max(progress.step_number - 1, 0) if progress.step else progress.done,
         "total": progress.steps if progress.step else progress.runs,
-        "designs": list(_design_rows(results.finished, results.reasons)),
-        "tables": [_table(each) for each in statistics_tables(results.tree)],
+        "designs": designs,
+        "tables": [
+            {
+                "title": table.title,
+                "columns": table.columns,
+                "rows": [[label, *cells] for label, cells in table.rows],
+                "notes": table.notes,
+            }
+            for table in statistics_tables(results.tree)
+        ],
         "causes": [
             {
                 "text": cause.reason,
@@ -170,25 +180,6 @@ def watch_state(running: RunningResults) -> dict[str, Any]:
             }
             for cause in causes[:_MOST_CAUSES]
         ],
-    }
-
-
-def _design_rows(
-    finished: Mapping[str, Sequence[xr.Dataset]], reasons: Mapping[str, str]
-) -> Iterator[tuple[str, str, str]]:
-    """Yield the name of each design, its finished runs, and why it has no estimates yet."""
-    for name, runs in finished.items():
-        count = sum(each.sizes[RUN] for each in runs)
-        why = f"none: {reasons[name]}" if name in reasons else "below"
-        yield name, grouped_number(count), why
-
-
-def _table(table: OutputTable) -> dict[str, Any]:
-    return {
-        "title": table.title,
-        "columns": table.columns,
-        "rows": [[label, *cells] for label, cells in table.rows],
-        "notes": table.notes,
     }
 
 

@@ -62,9 +62,9 @@ def leave_out(
     the archive names is executed.
     """
     results = []
-    for leave in (_omitted, _unloaded, _absent, _earlier, _analyses):
+    for leave in (_omitted, _unloaded, _absent, _earlier, *(() if trust else (_analyses,))):
         if study.designs:
-            study, tree, result = leave(study, tree, trust)
+            study, tree, result = leave(study, tree)
             results += [result] if result else []
     # Intervals of another recipe are not compared; their estimates are.
     names, recipe = other_recipe(tree), int(tree.attrs[RECIPE])
@@ -86,7 +86,7 @@ def omitted_designs(runs: Runs) -> list[str]:
     return [design for design, made in first.items() if are_omitted(made)]
 
 
-def _omitted(study: ValidatedStudy, tree: xr.DataTree, trust: bool) -> _Left:
+def _omitted(study: ValidatedStudy, tree: xr.DataTree) -> _Left:
     """Leave out what follows from runs that are not kept."""
     names = omitted_designs(archived_runs(tree))
     if not names:
@@ -99,7 +99,7 @@ def _omitted(study: ValidatedStudy, tree: xr.DataTree, trust: bool) -> _Left:
     return replace(study, designs=kept), tree, result
 
 
-def _unloaded(study: ValidatedStudy, tree: xr.DataTree, trust: bool) -> _Left:
+def _unloaded(study: ValidatedStudy, tree: xr.DataTree) -> _Left:
     """Leave out surrogates and the trajectory where distributions or models are not loaded."""
     unloaded = dict.fromkeys([*study.joint.unloaded.values(), *study.unloaded_models])
     if not unloaded:
@@ -116,7 +116,7 @@ def _unloaded(study: ValidatedStudy, tree: xr.DataTree, trust: bool) -> _Left:
     return replace(study, surrogates={}), kept, result
 
 
-def _absent(study: ValidatedStudy, tree: xr.DataTree, trust: bool) -> _Left:
+def _absent(study: ValidatedStudy, tree: xr.DataTree) -> _Left:
     """Leave out surrogates whose classes are not here."""
     absent = {name: each for name, each in study.surrogates.items() if each.absence}
     reasons = "; ".join(dict.fromkeys(each.absence for each in absent.values()))
@@ -126,7 +126,7 @@ def _absent(study: ValidatedStudy, tree: xr.DataTree, trust: bool) -> _Left:
     return _without_surrogates(study, tree, absent, reasons, *(ADVICE,) * is_code)
 
 
-def _earlier(study: ValidatedStudy, tree: xr.DataTree, trust: bool) -> _Left:
+def _earlier(study: ValidatedStudy, tree: xr.DataTree) -> _Left:
     """Leave out surrogates of another recipe than this uqpen's."""
     names = dict.fromkeys(
         str(source.name)
@@ -148,10 +148,10 @@ def _without_surrogates(
     return replace(study, surrogates=others), tree, result
 
 
-def _analyses(study: ValidatedStudy, tree: xr.DataTree, trust: bool) -> _Left:
+def _analyses(study: ValidatedStudy, tree: xr.DataTree) -> _Left:
     """Leave out statistics of user-defined analyses, and the coordinates that only they need."""
     named = named_code(tree).analyses
-    if trust or not named:
+    if not named:
         return study, tree, None
     groups = {node.path: node.to_dataset(inherit=False) for node in tree.subtree}
     statistics: set[str] = set()

@@ -13,11 +13,10 @@ import xarray as xr
 
 from uqpen.archive.fields import place_text
 from uqpen.core.arrays import BoolArray
-from uqpen.core.blocks import block_ranges
+from uqpen.core.blocks import LoadedDataset, block_ranges
 from uqpen.core.labels import RUN, STATUS
 from uqpen.core.model import Output
 from uqpen.core.streams import BLOCK, Stream
-from uqpen.designs.drawn_points import Points
 from uqpen.designs.rounds import first_round
 from uqpen.execution import EvaluationOptions, Evaluator, FailurePolicy, Map, Progress, evaluate
 from uqpen.execution.batching import BATCH_SIZE
@@ -144,18 +143,14 @@ def hashes_again(
 ) -> Iterator[tuple[int, str]]:
     """Make batches of a design's runs again, and yield the number and the hash of each."""
     points = first_round(study.designs[design], study.joint, Stream(study.seed, "designs", design))
+    blocked = LoadedDataset(points) if isinstance(points, xr.Dataset) else points
     progress.start_design(design, len(batches) * BATCH_SIZE)
     policy = FailurePolicy(study.failures.retry)
     options = EvaluationOptions(map=map, progress=progress, failures=policy)
     for first, last in _consecutive_batches(batches):
-        again = evaluate(
-            Evaluator(variant.model, study.constraints),
-            _part(points, first * BATCH_SIZE, min((last + 1) * BATCH_SIZE, size)).assign(
-                variant.given
-            ),
-            study.display_units(),
-            options,
-        )
+        part = blocked.read(first * BATCH_SIZE, min((last + 1) * BATCH_SIZE, size))
+        evaluator = Evaluator(variant.model, study.constraints)
+        again = evaluate(evaluator, part.assign(variant.given), study.display_units(), options)
         yield from enumerate(batch_hashes(again), first)
 
 
@@ -168,9 +163,3 @@ def _consecutive_batches(batches: list[int]) -> Iterator[tuple[int, int]]:
         if is_last or (batch + 1) % of_block == 0:
             yield batches[first], batch
             first = place + 1
-
-
-def _part(points: Points, start: int, stop: int) -> xr.Dataset:
-    if isinstance(points, xr.Dataset):
-        return points.isel({RUN: slice(start, stop)})
-    return points.read(start, stop)
