@@ -156,6 +156,38 @@ def test_an_output_that_is_an_input_has_no_interval():
     assert np.isnan(answers["partial"].values).all()
 
 
+@pytest.mark.parametrize("name", ["partial", "partial_rank"])
+def test_intervals_are_those_of_leaving_out_a_run(name):
+    drawn = sample(3)
+    points = drawn.points + 0.7 * drawn.points[:, [1, 2, 0]]
+    columns = np.column_stack([points, drawn.values])
+
+    def transformed(some):
+        some = stats.rankdata(some, axis=0) if name == "partial_rank" else some
+        precision = np.linalg.inv(np.corrcoef(some.T))
+        return np.arctanh(-precision[:3, 3] / np.sqrt(np.diag(precision)[:3] * precision[3, 3]))
+
+    without = [transformed(np.delete(columns, run, axis=0)) for run in range(RUNS)]
+    half = stats.t.ppf(0.975, RUNS - 1) * np.std(without, axis=0) * math.sqrt(RUNS)
+    given = replace(drawn, columns=InputColumns.from_matrix(NAMES, points))
+    _, *bounds = np.arctanh(dict(correlations(given, QUESTION))[name].values.T)
+    centre = transformed(columns)
+    # Of the influence of a run, leaving it out sees a part of the order of 1 / RUNS besides.
+    expected = np.array([centre - half, centre + half])
+    assert np.array(bounds) == pytest.approx(expected, abs=0.02 * half.max())
+
+
+def test_an_input_that_does_not_vary_changes_no_other_one():
+    drawn = sample(0)
+    points = np.column_stack([drawn.points, np.ones(RUNS)])
+    more = replace(drawn, columns=InputColumns.from_matrix((*NAMES, "same"), points))
+    alone, beside = (dict(correlations(each, QUESTION)) for each in (drawn, more))
+    for name, array in alone.items():
+        # Sums of more columns round otherwise.
+        assert beside[name].values[:3] == pytest.approx(array.values, abs=1e-12)
+        assert np.isnan(beside[name].values[3]).all()
+
+
 def test_one_input_has_partial_correlations_equal_to_simple_ones():
     drawn = sample(0)
     alone = replace(drawn, columns=InputColumns.from_matrix(("x1",), drawn.points[:, :1]))

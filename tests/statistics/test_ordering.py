@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy import stats
 
-from uqpen.statistics.input_columns import InputColumns, Ordering
+from uqpen.statistics.input_columns import InputColumns, Ordering, sums_above
 
 # Equal values, values that differ in their last bits alone, both zeros, and the ends of numbers.
 NEAR_ONE = [1.0, 1.0 + 2**-52, 1.0 - 2**-53, 1.0 + 2**-30]
@@ -32,13 +32,16 @@ def test_levels_and_ranks_are_those_of_distinct_values(values):
     assert (ordering.is_above is None) == (len(distinct) == len(values))
 
 
-@given(arrays(np.float64, st.integers(1, 40), elements=st.integers(-9, 9).map(float)))
-def test_sums_above_count_equal_values_half(values):
-    others = np.arange(len(values)) - 3.0
-    above = values[None, :] > values[:, None]
-    equal = values[None, :] == values[:, None]
-    expected = (above + equal / 2) @ others
-    assert Ordering.of(values).sums_above(others) == pytest.approx(expected)
+@given(arrays(np.float64, st.tuples(st.integers(1, 40), st.just(2)), elements=st.integers(-9, 9)))
+@example(np.arange(80.0).reshape(40, 2) ** [1, 2])
+def test_sums_above_count_equal_values_half(columns):
+    others = np.stack([np.arange(len(columns)) - 3.0, np.cos(np.arange(len(columns)))], axis=1)
+    factors = np.array([[1.0, -2.0], [0.5, 3.0]])
+    above = columns[None, :] > columns[:, None]
+    shares = above + (columns[None, :] == columns[:, None]) / 2
+    expected = np.einsum("rsk,kv,sv->rv", shares, factors, others)
+    orderings = [Ordering.of(column) for column in columns.T]
+    assert sums_above(orderings, factors, others) == pytest.approx(expected)
 
 
 @given(COLUMNS, st.data())

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, TypeVar
 from weakref import WeakValueDictionary
 
@@ -14,7 +15,6 @@ import numpy.typing as npt
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 from uqpen.core.blocks import BlockedRuns
 from uqpen.core.labels import ROLE, RUN
-from uqpen.statistics.intervals import group_sums
 
 # Order of the values of a column: it is sorted once, and ranks follow from it.
 
@@ -85,23 +85,59 @@ class Ordering:
         ranks: FloatArray = (np.cumsum(count) - (count - 1) / 2)[self.level]
         return ranks
 
-    @cached_property
-    def rank_std(self) -> float:
-        """The standard deviation of `mean_ranks`."""
-        return float(self.mean_ranks.std())
 
-    def sums_above(self, values: FloatArray) -> FloatArray:
-        """Return for each run the sum of other values over the runs above; an equal one is half.
+# A sum over the runs above takes so many steps, of which each adds whole arrays.
+_STEPS = 16
 
-        Values are of shape (..., run).
-        """
-        if self.is_above is None:
-            at = np.take(values, self.order, axis=-1)
+
+def sums_above(
+    orderings: Sequence[Ordering], factors: FloatArray, values: FloatArray
+) -> FloatArray:
+    """Return for each run the sum of values over the runs above, weighted over several orders.
+
+    Half of a run itself is added, and half of those that are equal.
+
+    Parameters
+    ----------
+    orderings : sequence of Ordering
+    factors : ndarray, shape (ordering, variable)
+        Weight of each order in the sums of a variable.
+    values : ndarray, shape (run, variable)
+
+    Returns
+    -------
+    ndarray, shape (run, variable)
+    """
+    runs, variables = values.shape
+    # Runs go from the highest down, one of each step after the other; the last place is of no run.
+    length = -(-runs // _STEPS)
+    places = np.arange(_STEPS * length).reshape(_STEPS, length).T.ravel()[runs - 1 :: -1]
+    places = np.append(places, _STEPS * length)
+    source = np.full(_STEPS * length, runs)
+    weighted, sums = np.zeros((runs + 1, variables)), np.zeros((_STEPS * length + 1, variables))
+    steps = sums[:-1].reshape(_STEPS, length, variables)
+    found, halves = np.zeros((runs, variables)), 0.0
+    for ordering, factor in zip(orderings, factors, strict=True):
+        if not factor.any():
+            continue
+        is_above = ordering.is_above
+        np.multiply(values, factor if is_above is None else factor / 2, out=weighted[:-1])
+        source[places[:-1]] = ordering.order
+        # With this mode, `take` writes without a buffer.
+        np.take(weighted, source, axis=0, out=sums[:-1], mode="clip")
+        for before, step in pairwise(steps):
+            step += before
+        steps[:, 1:] += np.cumsum(steps[-1, :-1], axis=0)
+        if is_above is None:
+            halves = halves + factor / 2
+            ends = [places]
         else:
-            at = group_sums(values, self.level, int(self.is_above.sum()))
-        sums = np.cumsum(at[..., ::-1], axis=-1)[..., ::-1]
-        sums -= at / 2
-        return np.take(sums, self.level, axis=-1)
+            lowest = places[np.append(np.flatnonzero(is_above), runs)]
+            ends = [lowest, lowest[1:]]
+        for end in ends:
+            np.take(sums, end[ordering.level], axis=0, out=weighted[:-1], mode="clip")
+            found += weighted[:-1]
+    return found - halves * values
 
 
 Made = TypeVar("Made")

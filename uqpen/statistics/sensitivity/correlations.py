@@ -10,10 +10,10 @@ from functools import cached_property
 import numpy as np
 import xarray as xr
 
-from uqpen.core.arrays import FloatArray, IntArray
+from uqpen.core.arrays import FloatArray
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
-from uqpen.statistics.input_columns import Ordering
+from uqpen.statistics.input_columns import Ordering, sums_above
 from uqpen.statistics.intervals import student_quantile
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample, SampleShape
@@ -25,29 +25,49 @@ from uqpen.statistics.standard_errors import standard_error
 
 @dataclass(frozen=True, eq=False)
 class ResidualWeights:
-    """Regressions of inputs and an output on the other inputs, all from one inverse."""
+    """Weights of columns, the output last, in what is left of them after regressions.
 
-    inverse: FloatArray  # (input, input): of the mean products of the inputs (the precision matrix)
+    Of each input the others are taken off, and of the output all inputs. What is left of the output
+    after all inputs but one is `rest`, and `slopes` times what is left of this one.
+    """
+
+    own: FloatArray  # (input, column)
+    rest: FloatArray  # (column,)
     slopes: FloatArray  # (input,): of the output on all inputs
 
     @classmethod
-    def of(cls, products: FloatArray) -> ResidualWeights:
-        """Return the regressions, given the mean products of all columns, the output last."""
-        inverse = _inverse(products[:-1, :-1])
-        return cls(inverse, (inverse * products[-1, :-1]).sum(axis=1))
+    def of(cls, columns: FloatArray) -> ResidualWeights | None:
+        """Return the weights of columns, all from one inverse; None where some are dependent.
 
-    def without(self, i: int) -> FloatArray:
-        """Return the weights in the residuals of input `i` and of the output on the other inputs.
-
-        Returns
-        -------
-        ndarray, shape (2, column)
-            The column of the output is the last.
+        Parameters
+        ----------
+        columns : ndarray, shape (column, run)
+            Of mean 0 and variance 1, or 0 where an input does not vary.
         """
-        own = self.inverse[i] / self.inverse[i, i]
-        slopes = self.slopes - self.slopes[i] * own
-        slopes[i] = 0.0
-        return np.stack([np.append(own, 0.0), np.append(-slopes, 1.0)])
+        varying = np.flatnonzero(columns.any(axis=1))
+        # More columns than runs are always dependent.
+        if len(varying) > columns.shape[1]:
+            return None
+        some = columns if len(varying) == len(columns) else columns[varying]
+        # `einsum` adds in one order on every processor; the kernels of `@` each have their own.
+        products = np.empty((len(some), len(some)))
+        for i, row in enumerate(some):
+            products[i, i:] = products[i:, i] = np.einsum("r,jr->j", row, some[i:])
+        products /= columns.shape[1]
+        if np.linalg.cond(products) > 1 / _ROUNDING:
+            return None
+        inverse, inputs = _inverse(products[:-1, :-1]), varying[:-1]
+        weights = cls.none(len(columns) - 1)
+        weights.own[np.ix_(inputs, inputs)] = inverse / np.diag(inverse)[:, np.newaxis]
+        weights.slopes[inputs] = (inverse * products[-1, :-1]).sum(axis=1)
+        weights.rest[:-1] = -weights.slopes
+        return weights
+
+    @classmethod
+    def none(cls, inputs: int) -> ResidualWeights:
+        """Return the weights without regressions: each column is left as it is."""
+        identity = np.eye(inputs + 1)
+        return cls(identity[:-1], identity[-1], np.zeros(inputs))
 
 
 def _inverse(matrix: FloatArray) -> FloatArray:
@@ -75,8 +95,10 @@ _CORRELATIONS = {
 }
 # Correlations nearer to one than this are one but for rounding.
 _ROUNDING = 1e-12
-# Values of sums of columns that go through an order together: few enough for a cache.
-_MOST_VALUES = 2**17
+# Values that go through the orders of all columns together: few enough for a cache.
+_MOST_VALUES = 2**16
+# Fewer variables than this gain nothing from each other.
+_FEWEST_TOGETHER = 8
 
 
 def correlations(
@@ -125,6 +147,12 @@ class _CorrelatedColumns:
         return [*map(inputs.ordering, range(len(self.sample.inputs))), self.sample.ordering]
 
     @cached_property
+    def _rank_stds(self) -> FloatArray:
+        """Standard deviations of the ranks; infinite where a column does not vary."""
+        stds = np.array([ordering.mean_ranks.std() for ordering in self.orderings])
+        return np.where(stds > 0, stds, np.inf)
+
+    @cached_property
     def standardized(self) -> FloatArray:
         """The columns, of mean 0 and variance 1, as rows; 0 where one does not vary."""
         columns = np.empty((len(self.sample.inputs) + 1, self.sample.size))
@@ -139,84 +167,63 @@ class _CorrelatedColumns:
             _standardize(row)
         return columns
 
-    @cached_property
-    def _varying(self) -> IntArray:
-        return np.flatnonzero(self.standardized.any(axis=1))
-
     def correlations(self, *, is_partial: bool) -> list[Estimate]:
         """Estimate the correlation of the output with each input."""
         inputs = range(len(self.sample.inputs))
         reasons = [reason_without_measure(self.sample, i, _FEWEST_RUNS) for i in inputs]
-        residuals = None
+        weights: ResidualWeights | None = ResidualWeights.none(len(inputs))
         if is_partial and not all(reasons):
-            residuals = self._residual_weights()
-            if residuals is None:
-                reasons = [reason or texts.LINEARLY_DEPENDENT for reason in reasons]
-        weights = []
-        for i in (i for i, reason in enumerate(reasons) if not reason):
-            own = np.zeros((2, len(self.standardized)))
-            if residuals:
-                own[:, self._varying] = residuals.without(int(np.searchsorted(self._varying, i)))
-            else:
-                own[0, i] = own[1, -1] = 1
-            weights.append(own)
-        found = self._estimates(weights)
+            weights = ResidualWeights.of(self.standardized)
+        if not weights:
+            reasons = [reason or texts.LINEARLY_DEPENDENT for reason in reasons]
+        chosen = [i for i in inputs if not reasons[i]]
+        found = self._estimates(chosen, weights, is_partial) if chosen and weights else iter(())
         return [
             Estimate.without_bounds(math.nan, reason) if reason else next(found)
             for reason in reasons
         ]
 
-    def _residual_weights(self) -> ResidualWeights | None:
-        """Weights of the columns that vary in their residuals; None where some are dependent."""
-        varying = self._varying
-        # More columns than runs are always dependent.
-        if len(varying) > self.sample.size:
-            return None
-        is_whole = len(varying) == len(self.standardized)
-        columns = self.standardized if is_whole else self.standardized[varying]
-        # `einsum` adds in one order on every processor; the kernels of `@` each have their own.
-        products = np.einsum("ir,jr->ij", columns, columns) / self.sample.size
-        return None if np.linalg.cond(products) > 1 / _ROUNDING else ResidualWeights.of(products)
-
-    def _estimates(self, weights: Sequence[FloatArray]) -> Iterator[Estimate]:
-        """Yield the correlation of each pair of weighted sums of the columns."""
-        reason = self.sample.reason_without_intervals or self._reason_without_bounds
-        together = max(1, _MOST_VALUES // (2 * max(self.sample.size, 1)))
-        for first in range(0, len(weights), together):
-            some = np.stack(weights[first : first + together])
-            sums = np.einsum("psk,kr->spr", some, self.standardized)
-            stds = sums.std(axis=-1, keepdims=True)
-            sums /= stds
-            values = (sums[0] * sums[1]).mean(axis=-1)
+    def _estimates(
+        self, inputs: Sequence[int], weights: ResidualWeights, is_partial: bool
+    ) -> Iterator[Estimate]:
+        """Yield the correlation of what is left of the output with what is left of each input."""
+        columns, reason = self.standardized, self._reason_without_bounds
+        reason = self.sample.reason_without_intervals or reason
+        rest = np.einsum("k,kr->r", weights.rest, columns) if is_partial else columns[-1]
+        above = np.empty((0, 0))
+        if self.is_ranked and not reason:
+            # A run moves the ranks of all others too: by so much those of `rest` in each column.
+            above = np.empty_like(columns)
+            for row, ordering, std in zip(above, self.orderings, self._rank_stds, strict=True):
+                row[:] = sums_above([ordering], np.array([[1 / std]]), rest[:, np.newaxis])[:, 0]
+        together = _MOST_VALUES // self.sample.size
+        together = together if together >= _FEWEST_TOGETHER else 1
+        for first in range(0, len(inputs), together):
+            some = np.array(inputs[first : first + together])
+            own = weights.own[some]
+            one = np.einsum("pk,kr->pr", own, columns) if is_partial else columns[some]
+            slopes = weights.slopes[some, np.newaxis]
+            other = rest + slopes * one
+            one_std, other_std = one.std(axis=-1, keepdims=True), other.std(axis=-1, keepdims=True)
+            one, other = one / one_std, other / other_std
+            values = (one * other).mean(axis=-1, keepdims=True)
             if reason:
-                yield from (Estimate.without_bounds(value, reason) for value in values.tolist())
+                yield from (
+                    Estimate.without_bounds(value, reason) for value in values[:, 0].tolist()
+                )
                 continue
-            influence = self._influence(some / stds.swapaxes(0, 1), sums, values[:, np.newaxis])
-            yield from map(self._with_bounds, values.tolist(), influence)
-
-    def _influence(self, weights: FloatArray, sums: FloatArray, values: FloatArray) -> FloatArray:
-        """Return each run's influence on the correlations of pairs of sums, shape (pair, run).
-
-        Parameters
-        ----------
-        weights : ndarray, shape (pair, 2, column)
-        sums : ndarray, shape (2, pair, run)
-            Of variance 1.
-        values : ndarray, shape (pair, 1)
-            Their correlations.
-        """
-        one, other = sums
-        influence: FloatArray = one * other - values / 2 * (one**2 + other**2)
-        if not self.is_ranked:
-            return influence
-        # A run moves the ranks of all others too.
-        targets = np.stack([other - values * one, one - values * other])
-        for ordering, factors in zip(self.orderings, weights.transpose(2, 1, 0), strict=True):
-            pairs = np.flatnonzero(factors.any(axis=0))
-            if pairs.size:
-                moved = np.einsum("sp,spr->pr", factors[:, pairs], targets[:, pairs])
-                influence[pairs] += ordering.sums_above(moved) / ordering.rank_std
-        return influence
+            influence = one * other - values / 2 * (one**2 + other**2)
+            if self.is_ranked:
+                # Of a correlation v, other − v one and one − v other, as sums of `rest` and `one`.
+                slope = slopes * one_std / other_std
+                of_one = (slope - values) / one_std + slopes * (1 - values * slope) / other_std
+                of_rest = (1 - values * slope) / other_std
+                factors = (of_one * own + of_rest * weights.rest) / self._rank_stds
+                influence += sums_above(self.orderings, factors.T, one.T).T
+                moved = np.einsum("pk,kr->pr", own, above) if is_partial else above[some]
+                influence += (1 / one_std - values * slopes / other_std) / other_std * moved
+                influence -= values / other_std**2 * np.einsum("k,kr->r", weights.rest, above)
+            yield from map(self._with_bounds, values[:, 0].tolist(), influence)
 
     def _with_bounds(self, value: float, influence: FloatArray) -> Estimate:
         """Return a correlation with its bounds, by the delta method on Fisher's transform."""
