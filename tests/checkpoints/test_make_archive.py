@@ -285,15 +285,22 @@ def test_points_that_have_changed_are_refused_to_the_bit(folder):
 
 
 @pytest.mark.parametrize(
-    ("name", "content"), [("0_000000.npz", b"runs"), ("made_of.json", b"{")], ids=["part", "record"]
+    ("name", "content"),
+    [("0_000000.npz", b"runs"), ("made_of.json", b"{"), ("made_of.json", None)],
+    ids=["part", "record", "no record"],
 )
-def test_a_damaged_file_is_made_again_and_said(folder, whole, name, content):
+def test_runs_of_a_damaged_file_are_made_again_and_that_is_said(folder, whole, name, content):
     interrupt(folder, 21)
-    (folder / "study.nc.parts" / "runs" / "one" / name).write_bytes(content)
+    file = folder / "study.nc.parts" / "runs" / "one" / name
+    file.unlink()
+    if content is not None:
+        file.write_bytes(content)
     progress = Recorded()
     assert make(folder, progress=progress) == whole
     assert progress.before == []
-    assert [text.partition(": ")[2][:10] for text in progress.warnings] == ["is damaged"]
+    runs = "its runs" if name.endswith("npz") else "the runs of one"
+    [said] = progress.warnings
+    assert said.endswith(f"{name}: is damaged; {runs} are made again")
     assert "is damaged" in (folder / "study.nc.log").read_text()
 
 
@@ -418,15 +425,6 @@ def test_runs_of_a_model_that_gets_a_name_stay(folder):
     progress = Recorded()
     make(folder, progress=progress)
     assert progress.before == [20]
-
-
-def test_runs_without_a_record_are_made_again(folder, whole):
-    interrupt(folder, 21)
-    (folder / "study.nc.parts" / "runs" / "one" / "made_of.json").unlink()
-    progress = Recorded()
-    assert make(folder, progress=progress) == whole
-    assert progress.before == []
-    assert "made_of.json: is damaged; the runs of one are made again" in progress.warnings[0]
 
 
 @pytest.mark.parametrize("place", ["seed", "checksum", "first"])
