@@ -145,6 +145,9 @@ def test_what_is_not_inadmissible_is_not_drawn_again():
     for matrix in (0, 1):
         redrawn = np.unique(runs["block"].values[later & (runs["matrix"].values == matrix)])
         assert redrawn.tolist() == np.flatnonzero(last_before[:, matrix]).tolist()
+        # Blocks of a replicate have points of their own.
+        drawn = values(runs, later & (runs["matrix"].values == matrix))
+        assert len(np.unique(drawn, axis=0)) == len(drawn)
 
 
 def test_blocks_without_an_inadmissible_draw_cost_nothing_more():

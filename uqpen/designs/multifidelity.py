@@ -245,7 +245,11 @@ class Multifidelity(Design):
         feedback = yield independent_points(joint, stream, 0, self.pilot)
         names = tuple(feedback.costs)
         costs = np.array([feedback.costs[each] for each in names])
-        allocation = self._allocation(feedback, costs)
+        with one_blas_thread():
+            wanted = [self.output] if self.output else _numbers(feedback)
+            # Constant outputs are taken as uncorrelated.
+            covariances = list(_covariances(feedback, wanted)) or [np.eye(len(costs))]
+            allocation = best_allocation(covariances, costs, self.budget, self.pilot)
         for group, number in zip(allocation.groups, allocation.runs, strict=True):
             runs = int(number + 1e-9)
             chosen = tuple(each for each, has in zip(names, group, strict=True) if has)
@@ -271,13 +275,6 @@ class Multifidelity(Design):
         if isinstance(earlier, Multifidelity) and earlier.pilot == self.pilot:
             return Extension(min(self.budget, earlier.budget))
         return super().extension(earlier, joint)
-
-    def _allocation(self, feedback: Feedback, costs: FloatArray) -> Allocation:
-        """Return the best allocation after a pilot; of constant outputs, as if uncorrelated."""
-        with one_blas_thread():
-            wanted = [self.output] if self.output else _numbers(feedback)
-            covariances = list(_covariances(feedback, wanted)) or [np.eye(len(costs))]
-            return best_allocation(covariances, costs, self.budget, self.pilot)
 
 
 def _covariances(feedback: Feedback, outputs: Iterable[str]) -> Iterator[FloatArray]:

@@ -207,10 +207,6 @@ def _range(distribution: Distribution) -> tuple[float, float]:
     return float(distribution.ppf(np.array(0.0))), float(distribution.isf(np.array(0.0)))
 
 
-def _is_bounded(distribution: Distribution) -> bool:
-    return bool(np.isfinite(_range(distribution)).all())
-
-
 def _is_symmetric(distribution: Distribution, order: int) -> bool:
     """Check that moments up to degree 2 `order` + 1 are symmetric about the middle of the range."""
     if isinstance(distribution, Normal | Uniform):
@@ -284,18 +280,14 @@ def _has_leja_nodes(distribution: Distribution) -> bool:
     return isinstance(distribution, Normal | Uniform)
 
 
-def _interpolatory_degree(size: int, is_symmetric: bool) -> int:
-    """Return the degree of exactness with an odd number of nodes, symmetric about the middle."""
-    return size if is_symmetric else size - 1
-
-
 def _on_bounded_range(
     function: str, sizes: Sequence[int], chaospy_order: Callable[[int], int]
 ) -> NestedRule:
     return NestedRule(
         sizes,
-        _interpolatory_degree,
-        _is_bounded,
+        # The numbers of nodes are odd, and the nodes symmetric about the middle.
+        lambda size, is_symmetric: size if is_symmetric else size - 1,
+        lambda distribution: bool(np.isfinite(_range(distribution)).all()),
         "inputs of bounded range",
         _on_unit_interval(function, chaospy_order),
     )

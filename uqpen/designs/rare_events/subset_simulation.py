@@ -188,7 +188,10 @@ class SubsetSimulation(RareEventDesign):
                 return
             threshold = higher
             rng = stream.generator("level", level)
-            seeds = _choose(np.flatnonzero(states.at_or_above(threshold)), self._chains, rng)
+            # Each state that reaches the level is a seed as often as others, or once more.
+            reached = np.flatnonzero(states.at_or_above(threshold))
+            shuffled = [rng.permutation(reached) for _ in range(-(-self._chains // len(reached)))]
+            seeds = np.concatenate(shuffled)[: self._chains]
             chain, at = states.at(seeds), points[seeds]
             visited, places, accepted_moves = [chain], [at], 0
             for _ in range(STEPS):
@@ -222,10 +225,3 @@ def _request(
             LEVEL_THRESHOLD: np.full(size, threshold),
         },
     )
-
-
-def _choose(candidates: IntArray, number: int, rng: np.random.Generator) -> IntArray:
-    """Return as many seeds as there are chains; each state as often as others, or once more."""
-    repeats = -(-number // len(candidates))
-    shuffled = [rng.permutation(candidates) for _ in range(repeats)]
-    return np.concatenate(shuffled)[:number]
