@@ -174,7 +174,9 @@ class _RunsUnderWay:
             yield runs
 
     def _restore(self, block: BlockRecord) -> None:
-        _check_names(block.points, self._model)
+        outputs = {output.name for output in self._model.all_outputs}
+        if WEIGHT in block.points.coords and WEIGHT in outputs:
+            raise StudyError(f'weighted points cannot go to a model with an output "{WEIGHT}"')
         for batch_result in self._checkpoint.restore(block.start, block.columns):
             block.add(batch_result)
             self._failure_count.add(batch_result)
@@ -209,15 +211,3 @@ def _with_first_observed(batches: Iterator[Batch]) -> Iterator[Batch]:
     for first in islice(batches, 1):
         yield replace(first, is_observed=True)
     yield from batches
-
-
-def _check_names(points: xr.Dataset, model: Model) -> None:
-    """Check that no output has the name of the weights of points.
-
-    Raises
-    ------
-    StudyError
-        If one has.
-    """
-    if WEIGHT in points.coords and any(output.name == WEIGHT for output in model.all_outputs):
-        raise StudyError(f'weighted points cannot go to a model with an output "{WEIGHT}"')

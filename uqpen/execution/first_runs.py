@@ -115,7 +115,9 @@ class FirstRuns:
             if status is not Status.INADMISSIBLE:
                 reason = batch_result.results.reasons.get(position, "")
                 self._examine(status, reason, inputs, position)
-                self._stop_if_alike(are_left=run + 1 < self._runs)
+                are_left = run + 1 < self._runs  # others of the round, which an end would save
+                if are_left and not self._is_over and len(self._failed) >= self._policy.stop_after:
+                    raise FirstRunsFailedError(self._message())
         self._next = max(self._next, stop)
 
     def _examine(self, status: Status, reason: str, inputs: Arrays, position: int) -> None:
@@ -129,12 +131,8 @@ class FirstRuns:
         if is_trial:
             self._report(f"the trial run has failed:\n{failed.text}")
         self._failed.append(failed)
-        self._is_over = self._policy.stop_after == 0 or not _are_alike(self._failed[0], failed)
-
-    def _stop_if_alike(self, *, are_left: bool) -> None:
-        """Stop if enough runs have failed alike, and others of the round are left to save."""
-        if are_left and not self._is_over and len(self._failed) >= self._policy.stop_after:
-            raise FirstRunsFailedError(self._message())
+        kinds = {(each.status, mask_numbers(each.reason)) for each in (self._failed[0], failed)}
+        self._is_over = self._policy.stop_after == 0 or len(kinds) > 1
 
     def _message(self) -> str:
         first = self._failed[0]
@@ -146,8 +144,3 @@ class FirstRuns:
             lines.append("  those of the others are beside it; --read-again reads them, after a")
             lines.append("  correction in [model.read]")
         return "\n".join(lines)
-
-
-def _are_alike(one: _FailedRun, other: _FailedRun) -> bool:
-    is_same = one.status == other.status
-    return is_same and mask_numbers(one.reason) == mask_numbers(other.reason)

@@ -173,17 +173,13 @@ def run_in_child(work: Work, batch: Batch, pickled: bytes = b"") -> BatchResult:
     """
     # Limits are those of one run.
     batches = batch.singles() if work.limits else [batch]
+    process = os.getpid()  # a fork has no child of its own yet
     with _one_at_a_time:
-        batch_results = list(_child_pool()(work, batches, pickled))
+        if process not in _children:
+            _children[process] = ProcessPool(1)
+            atexit.register(_children[process].kill_workers)
+        batch_results = list(_children[process](work, batches, pickled))
     batch_results.sort(key=lambda part: part.start)
     warnings = dict.fromkeys(text for part in batch_results for text in part.warnings)
     results = join_results([part.results for part in batch_results])
     return BatchResult(batch.start, results, tuple(warnings))
-
-
-def _child_pool() -> ProcessPool:
-    process = os.getpid()
-    if process not in _children:
-        _children[process] = ProcessPool(1)
-        atexit.register(_children[process].kill_workers)
-    return _children[process]
