@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from uqpen.core.catalogue import NAMES_IN_USE
+from uqpen.core.catalogue import DIMENSIONS, NAMES_IN_USE
 from uqpen.core.errors import SettingsError
-from uqpen.core.labels import BOUND, INPUT, RANK, RUN
+from uqpen.core.labels import BOUND, RANK, RUN
 from uqpen.core.variables import Category, Dimension, Output
 
 TIME = Dimension("time", "s", values=(0.0, 1.0, 2.0, 3.0))
@@ -24,7 +24,7 @@ def message(make):
 
 
 class TestDimension:
-    @pytest.mark.parametrize("name", [RUN, BOUND, INPUT, RANK, "probability", "threshold", "mean"])
+    @pytest.mark.parametrize("name", [RUN, BOUND, RANK, "mean", *DIMENSIONS])
     def test_a_name_that_archives_use_is_refused(self, name):
         expected = f'name: found "{name}"; expected a name that archives do not use themselves'
         assert message(lambda: Dimension(name, "s", values=(0.0,))) == expected

@@ -150,12 +150,11 @@ class TestFit:
         # variance by n - 1.
         assert found.p_value == pytest.approx(scipys.pvalue, abs=0.05)
 
-    @pytest.mark.parametrize("family", ["weibull", "normal"])
-    def test_of_measurements_that_follow_the_family_few_are_called_bad(self, family):
-        distribution = fit_law(family, SAMPLE)
+    def test_of_measurements_that_follow_the_family_few_are_called_bad(self):
+        distribution = fit_law("normal", SAMPLE)
         draws = rng().random((60, 15))
         found = [
-            fit_distribution(family, distribution.ppf(row), rng(), samples=39).p_value
+            fit_distribution("normal", distribution.ppf(row), rng(), samples=39).p_value
             for row in draws
         ]
         # Of 60 at a level of 0.1, more than 12 or fewer than 1 come up once in 100 times.

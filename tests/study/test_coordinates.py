@@ -6,7 +6,6 @@ import pytest
 import xarray as xr
 
 import uqpen
-from uqpen.core.catalogue import DIMENSIONS
 from uqpen.core.errors import StudyError
 
 MODEL = """\
@@ -179,12 +178,6 @@ class TestMistakes:
             f"model.outputs.y.along[1]: found 3; {known} known: time, place",
         ]
         assert "study.toml:10  model.outputs.y.along[0]" in str(refused.value)
-
-    @pytest.mark.parametrize("name", DIMENSIONS)
-    def test_no_dimension_of_a_statistic(self, folder, name):
-        text = STUDY.format(time=SOURCES[0], further="").replace("place", name)
-        with pytest.raises(StudyError, match="a name that archives do not use themselves"):
-            uqpen.parse_study(text, folder=folder)
 
     @pytest.mark.parametrize(
         "model", ['command = ["sh", "{x}"]', 'umbridge = "http://127.0.0.1:1"']
