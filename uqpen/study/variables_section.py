@@ -41,6 +41,89 @@ from uqpen.models.run_grid import INTERPOLATIONS, NO_INTERPOLATION, FieldSources
 from uqpen.study.document import inner_table
 from uqpen.study.table_reader import TableReader, is_variable_name
 
+# Returns the coordinates that a model's code has under a name, in the unit of the dimension; None
+# where nobody knows. A ModelError says that it has none.
+_ModelCoordinates = Callable[[str], FloatArray | None]
+
+
+class Variables(NamedTuple):
+    """Inputs and outputs of a model, and the unit of each in the model's own convention."""
+
+    inputs: tuple[Input, ...]
+    outputs: tuple[Output, ...]
+    units: dict[str, str]
+    fields: FieldSources
+
+
+def read_variables(table: TableReader, from_model: _ModelCoordinates | None = None) -> Variables:
+    """Read the inputs and outputs that a model's table declares.
+
+    Mistakes are noted; a variable with one is of any dimension. The model's code is asked for
+    coordinates by `from_model`, where it can be.
+    """
+    units: dict[str, str] = {}
+    inputs, outputs = (
+        [(name, si_unit(unit), unit) for name, unit in _variables(table, key, units)]
+        for key in ("inputs", "outputs")
+    )
+    section, dimensions = table.table("outputs"), _DimensionsReader(from_model)
+    dimensions.read_shared(table)
+    fields = [
+        _read_field(section.table(name), made, dimensions)
+        if isinstance(section.content[name], dict)
+        else made
+        for name, si, unit in outputs
+        for made in [Output(name, si, display_unit=unit)]
+    ]
+    names = [name for name, *_ in (*inputs, *outputs)]
+    _check_dimensions(section, fields, names)
+    grids = {
+        output.name: _read_grid(section.table(output.name), output, names)
+        for output in fields
+        if isinstance(section.content[output.name], dict)
+    }
+    return Variables(
+        tuple(Input(name, si, display_unit=unit) for name, si, unit in inputs),
+        tuple(fields),
+        units,
+        FieldSources(
+            {name: grid for name, grid in grids.items() if grid is not None},
+            tuple(dimensions.files.values()),
+        ),
+    )
+
+
+def _variables(table: TableReader, key: str, units: dict[str, str]) -> Iterator[tuple[str, str]]:
+    """Yield names and units of a model's inputs or outputs; add the known ones to `units`."""
+    does = "takes" if key == "inputs" else "gives"
+    section = table.table(key, f'what the model {does}, as name = "unit"')
+    if section.is_given and not section.content:
+        section.add_problem((), "an empty table", 'at least one name = "unit"')
+    for name, written in section.content.items():
+        is_table = key == "outputs" and isinstance(written, dict)
+        unit = written.get("unit") if is_table else written
+        path = (name, "unit") if is_table and "unit" in written else (name,)
+        if not is_variable_name(section, name):
+            pass  # of any dimension
+        elif name in units:
+            section.add_problem(name, "an output with the name of an input", "names that differ")
+        elif not isinstance(unit, str):
+            found = written if unit is None else unit
+            section.add_wrong(path, found, 'a unit such as "cm", or "1" where there is none')
+        else:
+            try:
+                si_unit(unit)
+            except QuantityError as error:
+                section.add_problems(error.problems, *path)
+            else:
+                units[name] = unit or "1"
+                yield name, units[name]
+                continue
+        yield name, ANY_DIMENSION
+
+
+# Coordinates in a file.
+
 _WITH_UNITS = (".csv", ".nc")
 
 
@@ -99,10 +182,6 @@ def _read_table(path: Path, column: str | int | None, unit: str) -> _Found:
     values = np.asarray(scale(unit).array_to_si(np.array(numbers, dtype=np.float64)))
     return _Found(values, unit, "file", place, FileSnapshot.from_content(path, content))
 
-
-# Returns the coordinates that a model's code has under a name, in the unit of the dimension; None
-# where nobody knows. A ModelError says that it has none.
-_ModelCoordinates = Callable[[str], FloatArray | None]
 
 _DIMENSIONS, _FROM_MODEL = "dimensions", "from_model"
 
@@ -433,82 +512,3 @@ def _check_dimensions(
             elif known.setdefault(name, dimension) != dimension:
                 found = f'other coordinates of "{name}" than above'
                 section.add_problem(path, found, "the same in all outputs along it")
-
-
-# Inputs and outputs of a model.
-
-
-class Variables(NamedTuple):
-    """Inputs and outputs of a model, and the unit of each in the model's own convention."""
-
-    inputs: tuple[Input, ...]
-    outputs: tuple[Output, ...]
-    units: dict[str, str]
-    fields: FieldSources
-
-
-def read_variables(table: TableReader, from_model: _ModelCoordinates | None = None) -> Variables:
-    """Read the inputs and outputs that a model's table declares.
-
-    Mistakes are noted; a variable with one is of any dimension. The model's code is asked for
-    coordinates by `from_model`, where it can be.
-    """
-    units: dict[str, str] = {}
-    inputs, outputs = (
-        [(name, si_unit(unit), unit) for name, unit in _variables(table, key, units)]
-        for key in ("inputs", "outputs")
-    )
-    section, dimensions = table.table("outputs"), _DimensionsReader(from_model)
-    dimensions.read_shared(table)
-    fields = [
-        _read_field(section.table(name), made, dimensions)
-        if isinstance(section.content[name], dict)
-        else made
-        for name, si, unit in outputs
-        for made in [Output(name, si, display_unit=unit)]
-    ]
-    names = [name for name, *_ in (*inputs, *outputs)]
-    _check_dimensions(section, fields, names)
-    grids = {
-        output.name: _read_grid(section.table(output.name), output, names)
-        for output in fields
-        if isinstance(section.content[output.name], dict)
-    }
-    return Variables(
-        tuple(Input(name, si, display_unit=unit) for name, si, unit in inputs),
-        tuple(fields),
-        units,
-        FieldSources(
-            {name: grid for name, grid in grids.items() if grid is not None},
-            tuple(dimensions.files.values()),
-        ),
-    )
-
-
-def _variables(table: TableReader, key: str, units: dict[str, str]) -> Iterator[tuple[str, str]]:
-    """Yield names and units of a model's inputs or outputs; add the known ones to `units`."""
-    does = "takes" if key == "inputs" else "gives"
-    section = table.table(key, f'what the model {does}, as name = "unit"')
-    if section.is_given and not section.content:
-        section.add_problem((), "an empty table", 'at least one name = "unit"')
-    for name, written in section.content.items():
-        is_table = key == "outputs" and isinstance(written, dict)
-        unit = written.get("unit") if is_table else written
-        path = (name, "unit") if is_table and "unit" in written else (name,)
-        if not is_variable_name(section, name):
-            pass  # of any dimension
-        elif name in units:
-            section.add_problem(name, "an output with the name of an input", "names that differ")
-        elif not isinstance(unit, str):
-            found = written if unit is None else unit
-            section.add_wrong(path, found, 'a unit such as "cm", or "1" where there is none')
-        else:
-            try:
-                si_unit(unit)
-            except QuantityError as error:
-                section.add_problems(error.problems, *path)
-            else:
-                units[name] = unit or "1"
-                yield name, units[name]
-                continue
-        yield name, ANY_DIMENSION
