@@ -44,6 +44,17 @@ def table_format(file: Path | None, kind: str | None = None) -> str:
     return kind
 
 
+def write_file(file: Path, content: bytes | Iterable[bytes]) -> None:
+    """Write a file, or replace it; an ExportError is raised if it cannot be written."""
+    from uqpen.core.errors import ExportError
+    from uqpen.core.files import replace_file
+
+    try:
+        replace_file(file, content)
+    except OSError as error:
+        raise ExportError(f"{file}: cannot be written: {error.strerror}") from None
+
+
 def write_table(table: pd.DataFrame | Iterator[pd.DataFrame], kind: str, file: Path | None) -> None:
     """Write a table, or its parts one after the other; without a file, to standard output.
 
@@ -51,8 +62,6 @@ def write_table(table: pd.DataFrame | Iterator[pd.DataFrame], kind: str, file: P
     installed.
     """
     from uqpen.cli.messages import printable
-    from uqpen.core.errors import ExportError
-    from uqpen.core.files import replace_file
     from uqpen.results.export import table_content
 
     rows = 0
@@ -68,10 +77,7 @@ def write_table(table: pd.DataFrame | Iterator[pd.DataFrame], kind: str, file: P
         for text in map(bytes.decode, content):
             click.echo(printable(text) if sys.stdout.isatty() else text, nl=False)
         return
-    try:
-        replace_file(file, content)
-    except OSError as error:
-        raise ExportError(f"{file}: cannot be written: {error.strerror}") from None
+    write_file(file, content)
     click.echo(f"{rows} rows: {printable(str(file))}")
 
 

@@ -32,9 +32,9 @@ def init(source: str | None, command: str | None, file: Path | None) -> None:
 
     Lines to fill in are marked; `uqpen check` accepts the file as it is.
     """  # noqa: D301 - the \\b keeps the lines that follow it as they are
+    from uqpen.cli.export import write_file
     from uqpen.cli.messages import printable
     from uqpen.core.errors import ExportError
-    from uqpen.core.files import replace_file
     from uqpen.study.new_study import command_draft, data_draft, function_draft
 
     stem, colon, function = (source or "").rpartition(".py:")
@@ -62,9 +62,6 @@ def init(source: str | None, command: str | None, file: Path | None) -> None:
         text = function_draft(model, function, reference).text(str(file))
     else:
         text = command_draft(words, model if source else None, reference).text(str(file))
-    try:
-        replace_file(file, text.encode())
-    except OSError as error:
-        raise ExportError(f"{file}: cannot be written: {error.strerror}") from None
+    write_file(file, text.encode())
     shown = printable(str(file))
     click.echo(f"study: {shown}; fill in the marked lines, then:  uqpen check {shown}")

@@ -51,11 +51,12 @@ def screen_text(text: str) -> str:
     return printable(text).encode(encoding, SPELLED_OUT).decode(encoding)
 
 
-def printable_json(text: str) -> str:
-    """Write the control characters in the texts of a JSON document as JSON's escapes.
+def printable_json(value: object) -> str:
+    """Return a value as JSON, with all control characters in its texts as JSON's escapes.
 
-    It says the same as before. JSON itself escapes only the first 32 characters of Unicode.
+    JSON itself escapes only the first 32 characters of Unicode.
     """
+    text = json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False)
     return "".join(
         character if _is_shown(character) else json.dumps(character)[1:-1] for character in text
     )

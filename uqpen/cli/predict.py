@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from uqpen.cli.export import alternatives, table_format, write_table
+from uqpen.cli.export import alternatives, table_format, write_file, write_table
 from uqpen.cli.messages import show_message
 from uqpen.cli.options import PATH, folder_option, trust_option
 from uqpen.results import TABLE_FORMATS
@@ -117,8 +117,6 @@ def predict(
 
         from uqpen.archive.netcdf import write_tree
         from uqpen.cli.messages import printable
-        from uqpen.core.errors import ExportError
-        from uqpen.core.files import replace_file
         from uqpen.surrogates.archived_surrogate import EXTRAPOLATED
 
         # NetCDF has no booleans.
@@ -127,11 +125,8 @@ def predict(
         with tempfile.TemporaryDirectory() as made:
             whole = Path(made) / file.name
             write_tree(xr.DataTree(numbers), whole)
-            try:
-                with whole.open("rb") as stream:
-                    replace_file(file, iter(lambda: stream.read(_READ), b""))
-            except OSError as error:
-                raise ExportError(f"{file}: cannot be written: {error.strerror}") from None
+            with whole.open("rb") as stream:
+                write_file(file, iter(lambda: stream.read(_READ), b""))
         click.echo(printable(str(file)))
     else:
         write_table(prediction_parts(found, values, taken), kind, file)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -151,5 +150,4 @@ def _show(findings: xr.Dataset, sufficient: Sequence[SufficientRuns], *, as_text
     found = rehearsal_json(findings)
     if sufficient:
         found["sufficient_runs"] = [each._asdict() for each in sufficient]
-    text = json.dumps(found, indent=2, ensure_ascii=False, allow_nan=False)
-    click.echo(printable_json(text))
+    click.echo(printable_json(found))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shlex
 from pathlib import Path
 from typing import Any
@@ -47,8 +46,7 @@ def show(
     if as_text:
         function = "method_comparison:benchmark_json" if is_comparison else "json:archive_json"
         as_json = resolve(f"uqpen.results.{function}")
-        text = json.dumps(as_json(tree), indent=2, ensure_ascii=False, allow_nan=False)
-        click.echo(printable_json(text))
+        click.echo(printable_json(as_json(tree)))
         return
     if is_comparison:
         resolve("uqpen.cli.benchmark_screen:show_benchmark")(tree)

@@ -71,7 +71,12 @@ def mentioned_model(root: TableReader) -> PartialModel:
             for each in of_outputs
             if "largest_contribution" in each
         ),
-        *(str(name) for group in _tables(content.get("joint")) for name in _list(group, "inputs")),
+        *(
+            str(name)
+            for group in _tables(content.get("joint"))
+            if isinstance(group.get("inputs"), list)
+            for name in group["inputs"]
+        ),
         *(name for model in _tables(content.get("models")) for name in _keys(model.get("with"))),
         *_WORD.findall(str(content.get("constraints", ""))),
     }
@@ -90,11 +95,6 @@ def mentioned_model(root: TableReader) -> PartialModel:
 
 def _keys(value: Any) -> Iterable[str]:
     return value if isinstance(value, dict) else ()
-
-
-def _list(table: dict[str, Any], key: str) -> list[Any]:
-    value = table.get(key)
-    return value if isinstance(value, list) else []
 
 
 def _tables(value: Any) -> list[dict[str, Any]]:

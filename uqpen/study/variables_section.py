@@ -66,8 +66,9 @@ def read_variables(table: TableReader, from_model: _ModelCoordinates | None = No
         [(name, si_unit(unit), unit) for name, unit in _variables(table, key, units)]
         for key in ("inputs", "outputs")
     )
-    section, dimensions = table.table("outputs"), _DimensionsReader(from_model)
-    dimensions.read_shared(table)
+    section, shared = table.table("outputs"), table.table(_DIMENSIONS)
+    dimensions = _DimensionsReader(from_model)
+    dimensions.shared |= {name: dimensions.read(shared, name) for name in shared}
     fields = [
         _read_field(section.table(name), made, dimensions)
         if isinstance(section.content[name], dict)
@@ -212,10 +213,6 @@ def _are_numbers(values: Any) -> bool:
     return is_list and all(isinstance(value, float) for value in values)
 
 
-def _is_column(value: object) -> bool:
-    return type(value) is int or (isinstance(value, str) and bool(value.strip()))
-
-
 @dataclass(frozen=True)
 class _Coordinates:
     """Coordinates of a dimension as a study states them, in the unit that it names."""
@@ -231,7 +228,10 @@ class _Coordinates:
     )
     file: Path | None = file(default=None)
     column: str | int | None = setting(
-        "column", "the heading of a column, or its position from 0", _is_column, default=None
+        "column",
+        "the heading of a column, or its position from 0",
+        lambda value: type(value) is int or (isinstance(value, str) and bool(value.strip())),
+        default=None,
     )
     from_model: str | None = text(expected="a name in the model's file or module", default=None)
     long_name: str | None = text(expected="a name for display", default=None)
@@ -240,16 +240,14 @@ class _Coordinates:
         validate(self, self._problems())
 
     def _problems(self) -> Iterator[Problem]:
-        given = [key for key, value in self._by_key().items() if value is not None]
+        ends = {"from": self.first, "to": self.last, "size": self.size}
+        rest = (self.values, self.file, self.column, self.from_model)
+        sources = ends | dict(zip(("values", "file", "column", _FROM_MODEL), rest, strict=True))
+        given = [key for key, value in sources.items() if value is not None]
         if given not in _SOURCES:
             yield Problem((), " and ".join(given) or "no coordinates", _COORDINATES)
         elif self.first is not None and self.last is not None and not self.first < self.last:
             yield Problem(("to",), f"{self.last:g}", f"a number above {self.first:g}")
-
-    def _by_key(self) -> dict[str, Any]:
-        ends = {"from": self.first, "to": self.last, "size": self.size}
-        rest = (self.values, self.file, self.column, self.from_model)
-        return ends | dict(zip(("values", "file", "column", _FROM_MODEL), rest, strict=True))
 
     def stated(self) -> FloatArray:
         """Return coordinates that the study states itself, in its unit."""
@@ -281,11 +279,6 @@ class _DimensionsReader:
     files: dict[Path, FileSnapshot] = field(default_factory=dict)
     # The dimensions of ``[model.dimensions]`` by name; None for one with a mistake.
     shared: dict[str, Dimension | None] = field(default_factory=dict)
-
-    def read_shared(self, model: TableReader) -> None:
-        """Read the dimensions that several outputs can have; mistakes are noted."""
-        section = model.table(_DIMENSIONS)
-        self.shared |= {name: self.read(section, name) for name in section}
 
     def read(self, table: TableReader, name: str) -> Dimension | None:
         """Read a dimension in a table of them; None where it is not known."""
