@@ -186,6 +186,21 @@ READINGS = {
     "json path": ("""echo '{"a": [1, {"c": 3}]}' > o""", '{ json = "o", key = "a.1.c" }', 3.0),
     "csv": ("printf 't, stress\\n1, 2\\n\\n2,3\\n' > o", '{ csv = "o" }', 3.0),
     "csv row": ("printf 't,s\\n1,2\\n2,3\\n' > o", '{ csv = "o", column = "s", row = 0 }', 2.0),
+    "csv below comments": (
+        "printf '# R 4.2\\n# of today\\nt,stress\\n1,2\\n# more\\n2,3\\n' > o",
+        '{ csv = "o" }',
+        3.0,
+    ),
+    "csv with commented headings": (
+        "printf '# numpy\\n# t,stress\\n1,2\\n2,3\\n' > o",
+        '{ csv = "o" }',
+        3.0,
+    ),
+    "csv after": (
+        "printf 'stress\\n7\\nRESULTS: all\\nt,stress\\n1,2\\n2,3\\n' > o",
+        '{ csv = "o", after = "RESULTS" }',
+        3.0,
+    ),
     "text": (
         "echo s = 1; echo s = 3.0D+00",
         "{ text = 'stdout', pattern = '^s = (.+)$', match = 'last' }",
@@ -301,7 +316,12 @@ UNREADABLE = {
         '{ csv = "o" }',
         'there is no row -1 of column "stress" in o',
     ),
-    "no column": ("echo a > o", '{ csv = "o" }', 'o has no column "stress"'),
+    "no column": ("echo t,a > o", '{ csv = "o" }', 'o has no column "stress"; it has t, a'),
+    "no column of a table": (
+        "echo '# t a' > o",
+        '{ table = "o" }',
+        'o has no column "stress"; it has t, a',
+    ),
     "empty": ("echo > o", '{ csv = "o" }', "o is empty"),
     "no number": (
         "printf 'stress\\nhigh\\n' > o",

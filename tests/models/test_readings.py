@@ -101,7 +101,7 @@ class TestEndlessPattern:
         (1, 1, None, 2.5),
         (-1, 0, "forces at", 9.0),
         (0, -1, "forces at", 4.0),
-        ("depth", -1, None, 'out has no column "depth"'),
+        ("depth", -1, None, 'out has no column "depth"; it has time, force'),
         (5, 0, None, "there is no row 0 of column 5 in out"),
         (1, 9, None, "there is no row 9 of column 1 in out"),
         (1, 3, None, "row 3 of column 1 in out is no number"),

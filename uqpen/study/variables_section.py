@@ -168,13 +168,12 @@ def _read_table(path: Path, column: str | int | None, unit: str) -> _Found:
         raise TableError(f'there is no file "{path}"') from None
     except (OSError, UnicodeDecodeError):
         raise TableError(f'"{path.name}" cannot be read as a text') from None
-    if column is None and any(blank_column(text, 1) or ()):
-        raise TableError(f'"{path.name}" has several columns')
-    entries = blank_column(text, 0 if column is None else column)
-    if entries is None:
-        raise TableError(f'"{path.name}" has no column "{column}"')
-    place = f'column {column or 0} of "{path.name}"'
+    file = f'"{path.name}"'
+    if column is None and any(blank_column(text, 1, file)):
+        raise TableError(f"{file} has several columns")
+    place = f"column {column or 0} of {file}"
     try:
+        entries = blank_column(text, 0 if column is None else column, file)
         numbers = [
             parse_number(entry or "", f"row {row} of {place}") for row, entry in enumerate(entries)
         ]

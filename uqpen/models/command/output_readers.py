@@ -6,6 +6,7 @@ import contextlib
 import csv
 import errno
 import io
+import itertools
 import json
 import math
 import re
@@ -58,7 +59,7 @@ class RunFiles:
     limits: Limits = Limits()
     _texts: dict[str, str] = field(default_factory=dict)
     _documents: dict[str, Any] = field(default_factory=dict)
-    _tables: dict[str, list[list[str]]] = field(default_factory=dict)
+    _tables: dict[tuple[str, str | None], list[list[str]]] = field(default_factory=dict)
 
     def content(self, name: str) -> bytes:
         """Return the bytes of a file.
@@ -92,16 +93,19 @@ class RunFiles:
                 raise UnreadableError(f"{name} {found}") from None
         return self._documents[name]
 
-    def table(self, name: str) -> Sequence[Sequence[str]]:
-        """Return the non-empty rows of a CSV file."""
-        if name not in self._tables:
-            lines = csv.reader(io.StringIO(self.text(name), newline=""))
+    def table(self, name: str, after: str | None = None) -> Sequence[Sequence[str]]:
+        """Return the non-empty rows of a CSV file, or those below the last occurrence of a text."""
+        if (name, after) not in self._tables:
+            content = text_after(self, name, after)
+            if after is not None:
+                content = content.partition("\n")[2]
+            lines = csv.reader(io.StringIO(content, newline=""))
             try:
                 rows = [[cell.strip() for cell in row] for row in lines]
             except csv.Error:
                 raise UnreadableError(f"{name} is not CSV") from None
-            self._tables[name] = [row for row in rows if any(row)]
-        return self._tables[name]
+            self._tables[name, after] = [row for row in rows if any(row)]
+        return self._tables[name, after]
 
 
 # Columns of a table whose columns are separated by blanks, as gnuplot and many programs write.
@@ -110,21 +114,33 @@ class RunFiles:
 _COMMENT = ("#", "%", "!", "*")
 
 
-def blank_column(content: str, column: str | int) -> list[str | None] | None:
+def blank_column(content: str, column: str | int, file: str) -> list[str | None]:
     """Return a column of a table, which is given by its heading or its position.
 
-    Only a table with headings has them in its first line, which may be a comment. None for no such
-    heading; an entry is None where a row is too short.
+    Only a table with headings has them in its first line, which may be a comment. UnreadableError
+    for no such heading; an entry is None where a row is too short.
     """
     lines = [line.strip() for line in content.splitlines() if line.strip()]
     position = column
     if isinstance(position, str):
         headings = lines[0].lstrip("".join(_COMMENT)).split() if lines else []
         if position not in headings:
-            return None
+            raise _no_column(file, position, headings)
         position, lines = headings.index(position), lines[1:]
     rows = [line.split() for line in lines if not line.startswith(_COMMENT)]
     return [row[position] if -len(row) <= position < len(row) else None for row in rows]
+
+
+# Headings that are named where one is missing, and characters of each.
+_MOST_HEADINGS, _LONGEST_HEADING = 12, 40
+
+
+def _no_column(file: str, column: str, headings: Sequence[str]) -> UnreadableError:
+    """Make the error for a heading that is not there; it names those that are."""
+    seen = [heading[:_LONGEST_HEADING] for heading in headings[:_MOST_HEADINGS] if heading]
+    more = ", …" if len(headings) > _MOST_HEADINGS else ""
+    listed = f"; it has {', '.join(seen)}{more}" if seen else ""
+    return UnreadableError(f'{file} has no column "{column}"{listed}')
 
 
 # Base of the readers of outputs, and what they share: settings, texts and printed numbers.
@@ -389,25 +405,50 @@ class _RowsReader(OutputReader):
 
 @dataclass(frozen=True)
 class CsvReader(_RowsReader):
-    """Reader of a number in a CSV file under a row of headings."""
+    """Reader of a number in a CSV file under a row of headings.
 
-    column: str = text(expected="a heading")  # the heading
-    row: int = row_setting(-1)  # position among the rows below the headings, from 0; the last is -1
+    Parameters
+    ----------
+    column : str
+        The heading. The row of headings is the first one that is no comment (``#``), or else the
+        comment above it.
+    row : int
+        Position among the rows below the headings, from 0; the last is -1.
+    after : str, optional
+        A text; the table begins in the line below its last occurrence.
+    """
+
+    column: str = text(expected="a heading")
+    row: int = row_setting(-1)
+    after: str | None = after_setting()
 
     @property
     def place(self) -> str:
         return f'column "{self.column.strip()}" in {self.file}'
 
     def entries(self, written: RunFiles) -> list[str | None]:
-        rows = written.table(self.file)
+        rows = written.table(self.file, self.after)
+        comments = list(itertools.takewhile(_is_comment, rows))
+        entries = [row for row in rows[len(comments) :] if not _is_comment(row)]
         if not rows:
             raise UnreadableError(f"{self.file} is empty")
-        header, *entries = rows
         column = self.column.strip()
+        header = entries[0] if entries else []
+        if column in header:
+            entries = entries[1:]
+        elif comments:
+            # The headings may be a comment themselves.
+            first, *others = comments[-1]
+            named = [first.lstrip("#").strip(), *others]
+            header = next((each for each in (comments[-1], named) if column in each), header)
         if column not in header:
-            raise UnreadableError(f'{self.file} has no column "{column}"')
+            raise _no_column(self.file, column, header)
         position = header.index(column)
         return [row[position] if position < len(row) else None for row in entries]
+
+
+def _is_comment(row: Sequence[str]) -> bool:
+    return row[0].startswith("#")
 
 
 @dataclass(frozen=True)
@@ -441,7 +482,4 @@ class ColumnReader(_RowsReader):
         content = text_after(written, self.file, self.after)
         if self.after is not None:
             content = content.partition("\n")[2]
-        found = blank_column(content, self.column)
-        if found is None:
-            raise UnreadableError(f'{self.file} has no column "{self.column}"')
-        return found
+        return blank_column(content, self.column, self.file)
