@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -28,6 +27,7 @@ from uqpen.results.digits import (
     range_text,
 )
 from uqpen.results.input_measures import input_label, input_order
+from uqpen.results.long_table import category_labels
 from uqpen.results.table import NOTHING, OutputTable, identity
 from uqpen.results.texts import capitalized, plain_text, title_with_unit, unit_suffix
 
@@ -63,11 +63,7 @@ def thin_runs(runs: xr.Dataset, most: int) -> xr.Dataset:
 
 def _category_labels(output: xr.DataArray) -> dict[int, str]:
     """Return the labels of an output's categories by code, without that of failed runs."""
-    attributes: dict[Any, Any] = dict(output.attrs)
-    codes = np.asarray(attributes["flag_values"]).tolist()
-    labels = np.atleast_1d(attributes.get("flag_labels", attributes["flag_meanings"].split()))
-    named = zip(codes, map(str, labels), strict=True)
-    return {code: label for code, label in named if label != "lost"}
+    return {code: label for code, label in category_labels(output).items() if label != "lost"}
 
 
 @dataclass(frozen=True)

@@ -336,7 +336,10 @@ def _variable_columns(
     """Yield the columns of an input or an output with their headings."""
     name = str(variable.name)
     if "flag_values" in variable.attrs:
-        yield name, _category_labels(variable, completed)
+        labels = category_labels(variable)
+        kinds = zip(variable.values.tolist(), completed, strict=True)
+        texts = [labels[code] if is_completed else None for code, is_completed in kinds]
+        yield name, np.array(texts, dtype=object)
         return
     shown = "units" if si else "display_units"
     unit = str(variable.attrs.get(shown, variable.attrs.get("units", DIMENSIONLESS)))
@@ -348,14 +351,9 @@ def _variable_columns(
         yield heading, np.broadcast_to(values[(..., *place)], size)
 
 
-def _category_labels(variable: xr.DataArray, completed: np.ndarray) -> np.ndarray:
-    """Return the category of each run in words; empty for a failed run."""
+def category_labels(variable: xr.DataArray) -> dict[int, str]:
+    """Return the labels of an output's categories by code; that of failed runs is "lost"."""
     words = str(variable.attrs.get("flag_meanings", "")).split()
-    labels = np.atleast_1d(variable.attrs.get("flag_labels", words)).tolist()
-    numbers = np.atleast_1d(variable.attrs["flag_values"]).tolist()
-    known = dict(zip(numbers, map(str, labels), strict=True))
-    texts = [
-        known[int(number)] if is_completed else None
-        for number, is_completed in zip(variable.values, completed, strict=True)
-    ]
-    return np.array(texts, dtype=object)
+    labels = np.atleast_1d(variable.attrs.get("flag_labels", words))
+    codes = np.atleast_1d(variable.attrs["flag_values"]).tolist()
+    return dict(zip(codes, map(str, labels), strict=True))
