@@ -75,6 +75,13 @@ def test_a_failed_run_has_its_reason_and_no_outputs(archive):
     assert (table[table["width [cm]"] <= 31]["reason"] == "").all()
 
 
+def test_a_category_is_in_words(archives):
+    table = runs_table(archives["rods"])
+    kinds = table[table["status"] == "ok"].groupby("model")["termination"].agg(set)
+    assert kinds["rigid"] == {"rigid"}
+    assert kinds["original"] == {"v = u", "u = 0"}
+
+
 def test_values_in_si_units_are_those_of_the_archive(archive):
     table = runs_table(archive, si=True)
     draws = table[table["design"] == "draws"]
