@@ -61,7 +61,6 @@ def test_it_has_a_page_and_can_be_written_again(path, tmp_path):
         ("statistics/monte_carlo/y", "std"),
         ("statistics/monte_carlo/y", "budget"),
         ("comparison/y", "mean_scale"),
-        ("comparison/y", "mean_lead"),
         ("statistics/reference/y", "quantile_interval"),
         ("statistics/reference/y", "std"),
     ],

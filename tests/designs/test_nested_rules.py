@@ -225,11 +225,6 @@ def test_an_order_that_rounding_spoils_is_refused(rule):
         assert list(Quadrature(100, rule=rule).check_inputs(law_of(distribution))) == []
 
 
-def test_a_grid_over_many_inputs_is_refused_before_it_is_made():
-    (problem,) = Quadrature(5, "sparse", "clenshaw-curtis").check_inputs(law_of(*[BETA] * 20))
-    assert "20 random inputs" in problem.found
-
-
 TEXT = study_text(
     "ishigami",
     inputs={"x1": (-1, 1), "x2": (-1, 1), "x3": {"normal": {"mean": 0, "std": 1}}},

@@ -13,10 +13,8 @@ import uqpen
 from uqpen.core.errors import UnknownNameError
 from uqpen.core.sampling import Sampling
 from uqpen.core.settings import count
-from uqpen.core.streams import Stream
 from uqpen.designs.design import Design
 from uqpen.designs.feedback import Feedback
-from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.rounds import no_estimates
 from uqpen.statistics import running_estimates
 from uqpen.testing import check_design
@@ -162,8 +160,3 @@ def test_rounds_with_other_coordinates_are_refused():
         uqpen.run(replace(study, designs={"one": Altering()}))
     with pytest.raises(uqpen.StudyError, match="some of its rounds have a replicate, others none"):
         check_design(Altering())
-
-
-def test_a_plain_design_is_asked_once():
-    joint = uqpen.parse_study(STUDY.format(model='[model]\nuse = "ishigami"')).joint
-    assert len(list(MonteCarlo(7).rounds(joint, Stream(1)))) == 1

@@ -7,12 +7,12 @@ import pytest
 from study_text import study_text
 
 from uqpen.archive.estimates import interval_text
-from uqpen.core.errors import SettingsError, StudyError
+from uqpen.core.errors import StudyError
 from uqpen.core.model import Bounds, Input, Output
 from uqpen.core.streams import Stream
 from uqpen.designs.one_at_a_time import Morris
 from uqpen.designs.quadrature import FullFactorial, Quadrature
-from uqpen.distributions.joint_distribution import FixedInput, JointDistribution, RandomInput
+from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
 from uqpen.distributions.orthogonal_polynomials import recurrence
 from uqpen.distributions.univariate import (
     Beta,
@@ -273,7 +273,8 @@ class TestMistakes:
 
     def test_a_grid_over_many_inputs_is_refused_before_it_is_made(self):
         joint = law_of(*[Normal(0.0, 1.0)] * 40)
-        for design in (Quadrature(5), Quadrature(20, "sparse"), FullFactorial(3)):
+        sparse = Quadrature(20, "sparse"), Quadrature(8, "sparse", "leja")
+        for design in (Quadrature(5), *sparse, FullFactorial(3)):
             (problem,) = design.check_inputs(joint)
             assert "40 random inputs" in problem.found
             assert "10_000_000" in problem.expected
@@ -283,21 +284,8 @@ class TestMistakes:
         (problem,) = Quadrature(90).check_inputs(joint)
         assert "x1 has no polynomials" in problem.found
 
-    def test_an_order_out_of_range_is_refused(self):
-        with pytest.raises(SettingsError, match="at most 100"):
-            Quadrature(101)
-
 
 def test_gausss_rules_are_for_independent_inputs_and_a_grid_of_probabilities_is_not():
     assert Quadrature(2).assumes_independence
     assert Morris(2).assumes_independence
     assert not FullFactorial(2).assumes_independence
-
-
-def test_a_fixed_input_stays_a_scalar():
-    x, fixed = Input("x1", "m"), Input("f", "m")
-    joint = JointDistribution(
-        (RandomInput(x, Uniform(0.0, 1.0), "m"), FixedInput(fixed, 7.0, "m")), (x, fixed)
-    )
-    for design in (Quadrature(2), Quadrature(2, "sparse"), FullFactorial(3)):
-        assert points(design, joint)["f"].dims == ()
