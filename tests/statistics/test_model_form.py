@@ -8,6 +8,8 @@ from uqpen.results.source_statistics import SourceStatistics
 
 STUDY = """
 seed = 5
+sensitivity = false
+convergence = false
 [models.first]
 python = "models.py:first"
 vectorized = true
@@ -30,16 +32,18 @@ kind = "quadrature"
 order = 2
 """
 MONTE_CARLO = 'kind = "monte-carlo"\nruns = 4000'
+HYPERCUBE = 'kind = "latin-hypercube"\nruns = 4000'
+SOBOL_SEQUENCES = 'kind = "sobol-sequence"\nruns = 256\nreplicates = 16'
 SHARES = ("model_form_share", "parameter_share", "interaction_share")
 
 
-def of_models(folder, first, second, design=MONTE_CARLO, extra=""):
+def of_models(folder, first, second, design=MONTE_CARLO, study=STUDY):
     """The archive of two models, each a line of NumPy in x and z."""
     source = "import numpy as np\n"
     for name, line in (("first", first), ("second", second)):
         source += f"def {name}(x, z):\n    return {{'y': {line}}}\n"
     (folder / "models.py").write_text(source)
-    return uqpen.run(uqpen.parse_study(STUDY.format(design=design) + extra, folder=folder))
+    return uqpen.run(uqpen.parse_study(study.format(design=design), folder=folder))
 
 
 def shares(tree):
@@ -48,27 +52,21 @@ def shares(tree):
 
 
 @pytest.mark.parametrize(
-    ("first", "second", "exact"),
+    ("design", "first", "second", "exact"),
     [
         # A shift by 1: Var E[y|M] = 1/4, Var E[y|X] = 1/12.
-        ("x", "x + 1", (3 / 4, 1 / 4, 0.0)),
+        (MONTE_CARLO, "x", "x + 1", (3 / 4, 1 / 4, 0.0)),
         # Opposite slopes: the mean over models does not depend on x.
-        ("x", "1 - x", (0.0, 0.0, 1.0)),
+        (HYPERCUBE, "x", "1 - x", (0.0, 0.0, 1.0)),
         # Different inputs: half of each variance is common.
-        ("x", "z", (0.0, 1 / 2, 1 / 2)),
+        (MONTE_CARLO, "x", "z", (0.0, 1 / 2, 1 / 2)),
+        (SOBOL_SEQUENCES, "x", "z", (0.0, 1 / 2, 1 / 2)),
         # Var E[y|M] = (1/2)² / 4 = 1/16; E[y|X] = 3x/2; Var y = 1/16 + (1/12 + 4/12)/2 = 13/48.
-        ("x", "2 * x", (3 / 13, 9 / 13, 1 / 13)),
+        (HYPERCUBE, "x", "2 * x", (3 / 13, 9 / 13, 1 / 13)),
+        (SOBOL_SEQUENCES, "x", "2 * x", (3 / 13, 9 / 13, 1 / 13)),
     ],
 )
-@pytest.mark.parametrize(
-    "design",
-    [
-        MONTE_CARLO,
-        'kind = "latin-hypercube"\nruns = 4000',
-        'kind = "sobol-sequence"\nruns = 256\nreplicates = 16',
-    ],
-)
-def test_shares_are_those_of_an_analysis_of_variance(tmp_path, first, second, exact, design):
+def test_shares_are_those_of_an_analysis_of_variance(tmp_path, design, first, second, exact):
     found = shares(of_models(tmp_path, first, second, design))
     assert found[:, 0] == pytest.approx(exact, abs=0.03)  # about four errors of 4 000 draws
     assert found[:, 0].sum() == pytest.approx(1.0, abs=1e-12)
@@ -105,11 +103,9 @@ def test_only_runs_that_all_models_completed_count(tmp_path):
 
 
 def test_a_stand_in_is_no_model_of_its_own(tmp_path):
-    of_models(tmp_path, "x", "x + 1")
-    text = STUDY.format(design=MONTE_CARLO).replace(
-        "[models.second]", '[models.second]\nstands_for = "first"\ncost = 0.1'
-    )
-    tree = uqpen.run(uqpen.parse_study(text, folder=tmp_path))
+    stand_in = '[models.second]\nstands_for = "first"\ncost = 0.1'
+    study = STUDY.replace("[models.second]", stand_in)
+    tree = of_models(tmp_path, "x", "x + 1", study=study)
     assert "model_form" not in tree.children
 
 

@@ -32,6 +32,7 @@ RODS = (ROOT / "tests" / "data" / "rods.toml").read_text(encoding="utf-8").split
 STUDY = f"""\
 seed = 1
 {KEY}
+convergence = false
 [model]
 use = "rigid-penetration"
 [inputs]{RODS}
