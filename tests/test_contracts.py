@@ -68,6 +68,9 @@ DESIGN_SETTINGS = {
     "active-learning": {"event": "y > 5", "learning": 20, "correction": 60},
     "subset-simulation": {"event": "y > 5", "samples": 100, "levels": 4},
     "form": {"event": "y > 5"},
+    "salib:fast_sampler": {"N": 65},
+    "salib:finite_diff": {"N": 64},
+    "salib:ff": {},
     "importance-sampling": {"event": "y > 5", "samples": 200},
 }
 

@@ -21,7 +21,7 @@ from uqpen.charts.marks import (
     series_marker,
 )
 from uqpen.core.arrays import FloatArray
-from uqpen.core.catalogue import MEASURES
+from uqpen.core.catalogue import CATALOGUE, MEASURES
 from uqpen.core.labels import CATEGORY, INPUT
 from uqpen.core.statistic import Statistic, UnitRule
 from uqpen.core.units import DIMENSIONLESS
@@ -98,6 +98,8 @@ def sensitivity_charts(view: ArchiveView) -> Iterator[Chart]:
         yield from index_charts(view, output)
     for output in view.numeric_outputs:
         yield from effect_charts(view, output)
+    for output in view.numeric_outputs:
+        yield from salib_charts(view, output)
 
 
 def response_charts(view: ArchiveView) -> Iterator[Chart]:
@@ -139,6 +141,19 @@ def effect_charts(view: ArchiveView, output: str, tables: Tables = _NO_TABLES) -
     measures = [each for each in MEASURES["effects"] if each.measure.marker]
     if found := _all_series(view, output, measures):
         yield _chart(view, output, found, "Elementary effects", (), tables.get("effects", ()))
+
+
+def salib_charts(view: ArchiveView, output: str, tables: Tables = _NO_TABLES) -> Iterator[Chart]:
+    """Yield the measures of SALib, a chart for each, as no two of them are of one scale."""
+    for name in ("salib", "levels"):
+        behind = tables.get(name, ())  # one table has the numbers of all its charts
+        for each in MEASURES[name]:
+            beside = {"salib_pawn": ["salib_pawn_floor"]}.get(each.name, [])
+            shown = [each, *(CATALOGUE[other] for other in beside)]
+            if each.measure.chart and (found := _all_series(view, output, shown)):
+                title = f"{capitalized(each.measure.chart)}, by SALib"
+                yield _chart(view, output, found, title, (), behind)
+                behind = ()
 
 
 def responses(view: ArchiveView, output: str) -> Iterator[Chart]:

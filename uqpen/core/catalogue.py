@@ -37,6 +37,7 @@ from uqpen.core.labels import (
     OF_EXCEEDANCE,
     OF_FIELD,
     OF_LOGARITHM,
+    OUTPUT_SHARE,
     PAIR,
     PERCENT,
     PROBABILITY,
@@ -545,6 +546,70 @@ _STATISTICS = [
         "moment-independent delta",
         Measure("delta", "associations", 44),
         {"sample": f"{_SENSITIVITY}.delta:delta"},
+    ),
+    # Of SALib. They are measures of their own, never in a column with Sobol' indices.
+    _of_inputs(
+        "salib_rbd_fast",
+        "first-order index by SALib's RBD-FAST",
+        Measure("RBD-FAST", "salib", 80, chart="first-order index by RBD-FAST", axis="index"),
+    ),
+    _of_inputs(
+        "salib_pawn",
+        "PAWN index by SALib",
+        Measure("PAWN", "salib", 81, chart="PAWN index", axis="distance of distributions"),
+    ),
+    _of_inputs(
+        "salib_pawn_floor", "PAWN index of a permuted input", Measure("PAWN, permuted", "salib", 82)
+    ),
+    _of_inputs(
+        "salib_delta",
+        "moment-independent delta by SALib",
+        Measure("delta by SALib", "salib", 83, chart="delta by SALib", axis="delta"),
+    ),
+    _of_inputs(
+        "salib_hdmr",
+        "first-order share by SALib's enhanced HDMR",
+        Measure("HDMR", "salib", 84, chart="share by enhanced HDMR", axis="share"),
+    ),
+    Statistic(
+        "salib_hdmr_unexplained",
+        "share of the variance that SALib's enhanced HDMR leaves",
+        note_is_of_estimate=True,
+        group=SENSITIVITY,
+        shown=Shown("left by HDMR", 90),
+    ),
+    Statistic(
+        "salib_rsa",
+        "distance of an input's distribution in a part of the values, by SALib",
+        (OUTPUT_SHARE, INPUT),
+        note_is_of_estimate=True,
+        group=SENSITIVITY,
+        own=EntryDimension(OUTPUT_SHARE, is_listed=False),
+        measure=Measure("RSA", "parts", 89, json="sensitivity_of_parts"),
+    ),
+    _of_inputs(
+        "salib_fast_first",
+        "first-order index by FAST",
+        Measure("FAST, first order", "salib", 85, chart="first-order index by FAST", axis="index"),
+        {Sampling.SEARCH_CURVES: f"{_SENSITIVITY}.salib_analyses:search_curves"},
+    ),
+    _of_inputs(
+        "salib_fast_total",
+        "total index by FAST",
+        Measure("FAST, total", "salib", 86, chart="total index by FAST", axis="index"),
+    ),
+    _of_inputs(
+        "salib_dgsm",
+        "derivative-based measure (DGSM)",
+        Measure("DGSM", "salib", 87, chart="derivative-based measure", axis="ν σ² / Var y"),
+        {Sampling.FINITE_DIFFERENCES: f"{_SENSITIVITY}.salib_analyses:derivatives"},
+    ),
+    _of_inputs(
+        "salib_ff",
+        "half of the change between two levels",
+        Measure("two levels", "levels", 88, chart="half change between two levels", axis="effect"),
+        {Sampling.TWO_LEVELS: f"{_SENSITIVITY}.salib_analyses:two_levels"},
+        UnitRule.DIFFERENCE,
     ),
     # Of moves of one input at a time. Effects of both signs cancel in their mean.
     _of_inputs(

@@ -20,6 +20,8 @@ ROUND = "round"
 BLOCK_NUMBER = "block"
 MATRIX = "matrix"
 POSITION = "position"
+# Attribute of it: the number of harmonics that an index of a search curve sums.
+HARMONICS = "harmonics"
 MOVED_INPUT = "moved_input"
 MOVED_BY = "moved_by"
 MOVED_UNCERTAINTY = "moved_uncertainty"
@@ -273,6 +275,8 @@ EVENT = "event"
 SENSITIVITY_EVENT = "sensitivity_event"
 # A design point of a rare event, by its number; the nearest to the median comes first.
 DESIGN_POINT = "design_point"
+# Dimension of the parts of an output's distribution, each by the probability below its middle.
+OUTPUT_SHARE = "output_share"
 PERCENT = "percent"
 RUNS_SO_FAR = "runs_so_far"
 # A curve or field of a run, by the number of the run.

@@ -25,13 +25,19 @@ class Sampling(StrEnum):
 
     TOWARDS_EVENT = "towards an event"
     """Replicates of points that move towards a rare event, for its probability; no sample."""
+    SEARCH_CURVES = "search curves"
+    """Curves through the inputs' space, along which each input has a frequency; no sample."""
+    FINITE_DIFFERENCES = "finite differences"
+    """Points, each with a small step of every input; no sample."""
+    TWO_LEVELS = "two levels"
+    """Two levels of each input; no sample."""
 
     @property
     def is_sample(self) -> bool:
         """True if the points, or some of them, are a sample of the joint distribution."""
-        return self not in (
-            Sampling.QUADRATURE,
-            Sampling.TRAJECTORIES,
-            Sampling.ONE_AT_A_TIME,
-            Sampling.TOWARDS_EVENT,
+        return self in (
+            Sampling.INDEPENDENT,
+            Sampling.STRATIFIED,
+            Sampling.GIVEN,
+            Sampling.PICK_FREEZE,
         )

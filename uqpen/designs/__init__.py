@@ -18,6 +18,9 @@ DESIGNS = {
     "one-at-a-time": "uqpen.designs.one_at_a_time:OneAtATime",
     "multifidelity": "uqpen.designs.multifidelity:Multifidelity",
     **{name: method.design for name, method in RARE_EVENT_METHODS.items()},
+    "salib:fast_sampler": "uqpen.designs.salib_designs:FastSampler",
+    "salib:finite_diff": "uqpen.designs.salib_designs:FiniteDifferences",
+    "salib:ff": "uqpen.designs.salib_designs:FractionalFactorial",
     "table": "uqpen.designs.data:TableDesign",
     "data": "uqpen.designs.data:DataDesign",
 }

@@ -103,6 +103,9 @@ def named_tables(
     else:
         tables = [("responses", "responses to its inputs", MEASURES["responses"])]
     tables.append(("effects", label_with_unit("elementary effects", unit), MEASURES["effects"]))
+    tables.append(("salib", "measures by SALib", MEASURES["salib"]))
+    levels = label_with_unit("half change between two levels", unit)
+    tables.append(("levels", levels, MEASURES["levels"]))
     if everything:
         tables.append(("associations", "association with its inputs", MEASURES["associations"]))
     for name, title, measures in tables:

@@ -27,6 +27,7 @@ __all__ = [
     "FIELD_ANALYSES",
     "FIELD_ANALYSES_OF_DESIGNS",
     "INPUT_ANALYSES",
+    "SALIB_ANALYSES",
     "WEIGHTED_ANALYSES",
 ]
 
@@ -69,4 +70,16 @@ ANALYSES_OF_DESIGNS = MappingProxyType(
 # The same for fields: functions of all runs.
 FIELD_ANALYSES_OF_DESIGNS = MappingProxyType(
     {each: found for each in Sampling if (found := _analyses(of_field(each)))}
+)
+
+# The analyses of SALib that a study can ask for by ``"salib:<name>"``: classes of their settings.
+_SALIB = "uqpen.statistics.sensitivity.salib_analyses"
+SALIB_ANALYSES = MappingProxyType(
+    {
+        "rbd_fast": f"{_SALIB}:RbdFast",
+        "pawn": f"{_SALIB}:Pawn",
+        "delta": f"{_SALIB}:Delta",
+        "rsa": f"{_SALIB}:Rsa",
+        "enhanced_hdmr": f"{_SALIB}:EnhancedHdmr",
+    }
 )

@@ -61,6 +61,11 @@ def user_defined_statistics(
         return found
     for analysis in analyses:
         for statistic in analysis(sample, quantity):
+            if analysis.is_built_in:
+                name, array = statistic
+                is_weighted = sample.weights is not None
+                found[name] = refused(array, texts.NOT_WEIGHTED) if is_weighted else array
+                continue
             if fault := _statistic_fault(statistic, known, found):
                 raise analysis.error(quantity, *fault)
             name, array = statistic

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
     from uqpen.statistics.quantity_of_interest import QuantityOfInterest
     from uqpen.statistics.sample import Sample
 
+# The beginning of the names of what SALib does, which is built in.
+SALIB = "salib:"
+
 # The words of labels.
 _ENTRY = ("{entry}",)
 
@@ -32,11 +35,18 @@ Analysis: TypeAlias = "Callable[[Sample, QuantityOfInterest], Iterable[tuple[str
 class UserDefinedAnalysis:
     """User-defined function that yields statistics of an output."""
 
-    reference: str  # ``"file.py:function"`` or ``"package.module:function"``, as the study has it
+    # ``"file.py:function"`` or ``"package.module:function"``, as the study has it; of SALib
+    # ``"salib:<name>"``.
+    reference: str
     # Takes a `Sample` and a `QuantityOfInterest`, and yields names with estimate arrays.
     function: Analysis = field(compare=False)
     # The context in which the function must be called.
     surroundings: ModelFolder | None = field(default=None, repr=False, compare=False)
+
+    @property
+    def is_built_in(self) -> bool:
+        """True for an analysis of SALib, whose statistics are in the catalogue."""
+        return self.reference.startswith(SALIB)
 
     @property
     def takes_weights(self) -> bool:

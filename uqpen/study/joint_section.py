@@ -125,9 +125,12 @@ def _read_group(section: TableReader, model: Model) -> tuple[InputGroup, tuple[s
         return None
     if kinds[0] == "sample":
         return _read_sample(section, model)
+    noted = len(section.problems)
     variables = _inputs(section, model)
+    if len(section.problems) > noted:
+        return None
     units = _units(section, variables)
-    if not variables or units is None:
+    if units is None:
         return None
     names = tuple(variable.name for variable in variables)
     read = _read_chaospy if kinds[0] == "chaospy" else _read_object

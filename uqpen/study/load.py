@@ -44,7 +44,7 @@ from uqpen.study.document import Document, Objects, parse_document, read_documen
 from uqpen.study.inputs_section import read_constraints, read_inputs
 from uqpen.study.joint_section import Inputs, read_dependence, read_groups
 from uqpen.study.model_section import check_stand_ins, check_variants, read_models
-from uqpen.study.outputs_section import derive_outputs, read_analyses
+from uqpen.study.outputs_section import check_analyses, derive_outputs, read_analyses
 from uqpen.study.study import ONLY_MODEL, SurrogateOrigin, ValidatedStudy, Variant
 from uqpen.study.surrogates_section import check_surrogates, read_surrogates, refined_designs
 from uqpen.study.table_reader import StudyParts, TableReader
@@ -142,7 +142,7 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
     noted = len(root.problems)
     models, model = read_models(root)
     are_models_whole = len(root.problems) == noted
-    analyses = read_analyses(root)
+    analyses = read_analyses(root, heading.seed)
     tables = {key: root.table(key, _expected(root, key)) for key in _TABLES}
     budget = check_budget(root, heading.budget)
     if has_data(root) and "designs" not in root:
@@ -181,6 +181,7 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
     check_surrogates(tables["surrogates"], surrogates, designs, model, joint if is_clear else None)
     if is_clear:
         check_designs(tables["designs"], designs, joint)
+        check_analyses(root, analyses, joint)
     check_stand_ins(root, models)
     if are_models_whole:
         check_outputs(tables["designs"], designs, quantities)

@@ -63,6 +63,7 @@ def mentioned_model(root: TableReader) -> PartialModel:
     content = root.content
     published = _tables(content.get("published"))
     of_outputs = [figures for each in published for figures in _tables(each)]
+    joint = _tables(content.get("joint"))
     inputs = {
         *_keys(content.get("inputs")),
         *(name for figures in of_outputs for name in _keys(figures.get("response"))),
@@ -73,10 +74,11 @@ def mentioned_model(root: TableReader) -> PartialModel:
         ),
         *(
             str(name)
-            for group in _tables(content.get("joint"))
+            for group in joint
             if isinstance(group.get("inputs"), list)
             for name in group["inputs"]
         ),
+        *(name.partition("[")[0].strip() for each in joint for name in _keys(each.get("sample"))),
         *(name for model in _tables(content.get("models")) for name in _keys(model.get("with"))),
         *_WORD.findall(str(content.get("constraints", ""))),
     }

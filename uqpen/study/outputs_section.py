@@ -15,17 +15,20 @@ from uqpen.core.lookup import choices, installed_members, load_installed, resolv
 from uqpen.core.model import Model, Output
 from uqpen.core.quantities import parse_quantity
 from uqpen.core.settings import declared_settings, read_list
+from uqpen.core.streams import Stream
 from uqpen.core.units import ANY_DIMENSION, scale
 from uqpen.core.variables import DerivedOutput, Reduction
+from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.models.user_code import check_signature
 from uqpen.models.user_module import load_function
 from uqpen.reductions import REDUCTIONS
 from uqpen.reductions.derived import derived_outputs
 from uqpen.reductions.of_fields import At, Maximum
+from uqpen.statistics import SALIB_ANALYSES
 from uqpen.statistics.joint_event import JointEvent, OutputLimit
 from uqpen.statistics.published import Publication, PublishedEstimates
 from uqpen.statistics.quantity_of_interest import AcceptanceLimits, QuantityOfInterest
-from uqpen.statistics.user_defined_analysis import UserDefinedAnalysis
+from uqpen.statistics.user_defined_analysis import SALIB, UserDefinedAnalysis
 from uqpen.study.model_section import PartialModel
 from uqpen.study.study import Variant
 from uqpen.study.table_reader import (
@@ -437,13 +440,35 @@ _GROUP = "uqpen.analyses"
 _ARGUMENTS = (None, None)
 
 
-def read_analyses(root: TableReader) -> tuple[UserDefinedAnalysis, ...]:
-    """Read the user-defined analyses, without those for which a mistake was noted."""
+# What is asked of SALib in another way, and how.
+_NOT_OF_RUNS = {
+    "sobol": 'a design of kind = "saltelli", which has its indices',
+    "morris": 'a design of kind = "morris", which has its effects',
+    "fast": 'a design of kind = "salib:fast_sampler", which has its indices',
+    "dgsm": 'a design of kind = "salib:finite_diff": of given runs, an input without effect '
+    "would seem to have one",
+    "ff": 'a design of kind = "salib:ff", which has its effects',
+    "hdmr": '"salib:enhanced_hdmr": two calls of this one differ, as it ignores its seed',
+}
+
+
+def read_analyses(root: TableReader, seed: int) -> tuple[UserDefinedAnalysis, ...]:
+    """Read the analyses of a study's own, without those for which a mistake was noted.
+
+    Those of SALib draw their random numbers from the study's seed.
+    """
     analyses: dict[str, UserDefinedAnalysis] = {}
     for position, reference in enumerate(root.entries(ANALYSES_KEY)):
         place = (ANALYSES_KEY, position)
-        if not isinstance(reference, str) or not reference.strip():
-            expected = 'a function such as "spread.py:interquartile_range"'
+        table = {"salib": reference[len(SALIB) :]} if _is_of_salib(reference) else reference
+        if isinstance(table, dict):
+            made = _read_salib(root.inside(table, *place), seed)
+            if made and made.reference in analyses:
+                root.add_problem(place, f"{toml_text(made.reference)} again", "each analysis once")
+            elif made:
+                analyses[made.reference] = made
+        elif not isinstance(reference, str) or not reference.strip():
+            expected = 'a function such as "spread.py:interquartile_range", or "salib:pawn"'
             root.add_wrong(place, reference, expected)
         elif reference in analyses:
             root.add_problem(place, f"{toml_text(reference)} again", "each function once")
@@ -456,6 +481,45 @@ def read_analyses(root: TableReader) -> tuple[UserDefinedAnalysis, ...]:
                 expected = "a function that can be called with a sample and a quantity of interest"
                 root.add_problem(place, str(error), expected)
     return tuple(analyses.values())
+
+
+def _is_of_salib(reference: object) -> bool:
+    return isinstance(reference, str) and reference.startswith(SALIB)
+
+
+def _read_salib(table: TableReader, seed: int) -> UserDefinedAnalysis | None:
+    """Read an analysis of SALib with its settings; None where a mistake was noted."""
+    name = table.text("salib", f"an analysis of SALib: {', '.join(SALIB_ANALYSES)}")
+    if name is None:
+        return None
+    if name not in SALIB_ANALYSES:
+        expected = (
+            _NOT_OF_RUNS.get(name) or f"an analysis of SALib; {choices(name, SALIB_ANALYSES)}"
+        )
+        table.add_wrong("salib", name, expected)
+        return None
+    cls = resolve(SALIB_ANALYSES[name])
+    drawn = int(Stream(seed, ANALYSES_KEY, SALIB + name).generator().integers(1, 2**31))
+    made = table.settings(cls, given={"seed": drawn})
+    table.check_unknown_keys()
+    return made and UserDefinedAnalysis(SALIB + name, made)
+
+
+def check_analyses(
+    root: TableReader, analyses: Sequence[UserDefinedAnalysis], joint: JointDistribution
+) -> None:
+    """Note analyses that have no meaning for inputs that depend on each other."""
+    if joint.is_independent:
+        return
+    entries = root.content[ANALYSES_KEY] if analyses else []
+    names = [each.get("salib") if isinstance(each, dict) else each for each in entries]
+    names = [str(name).removeprefix(SALIB) for name in names]
+    for analysis in analyses:
+        if reason := getattr(analysis.function, "independence_reason", ""):
+            name = analysis.reference.removeprefix(SALIB)
+            place = (ANALYSES_KEY, names.index(name))
+            found = f'"{analysis.reference}" with inputs that depend on each other'
+            root.add_problem(place, found, f'{reason}; "{SALIB}pawn" and "{SALIB}delta" take any')
 
 
 def _load_analysis(root: TableReader, reference: str) -> UserDefinedAnalysis:

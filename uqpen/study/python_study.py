@@ -234,8 +234,9 @@ def _with_joint_tables(arguments: Mapping[str, Any]) -> dict[str, Any]:
     ``inputs`` for each input if these are independent.
     """
     inputs, joint = arguments.get("inputs"), arguments.get("joint")
-    if not isinstance(inputs, Mapping) or not isinstance(joint, Mapping | None):
+    if not isinstance(inputs, Mapping | None) or not isinstance(joint, Mapping | None):
         return dict(arguments)
+    inputs = inputs or {}
     single = {name: value for name, value in inputs.items() if not isinstance(name, tuple)}
     tables = {name: _table(value) for name, value in (joint or {}).items()}
     paths = joint_paths(inputs, tables)

@@ -35,6 +35,9 @@ _POINTS = {
     Sampling.QUADRATURE: "the nodes of an integration rule",
     Sampling.TRAJECTORIES: "trajectories",
     Sampling.ONE_AT_A_TIME: "steps from the nominal point",
+    Sampling.SEARCH_CURVES: "curves through the inputs' space",
+    Sampling.FINITE_DIFFERENCES: "small steps from points",
+    Sampling.TWO_LEVELS: "two levels of each input",
     Sampling.TOWARDS_EVENT: "points that move towards a rare event",
 }
 

@@ -27,6 +27,7 @@ from uqpen.models import MODELS
 from uqpen.models.surroundings import ModelFolder
 from uqpen.models.user_code import error_text
 from uqpen.models.user_module import load_module
+from uqpen.statistics.user_defined_analysis import SALIB
 from uqpen.study.table_reader import OBJECT, SETTINGS, TableReader, family_member, read_named_object
 from uqpen.surrogates import ENTRY_POINTS, SURROGATES
 from uqpen.surrogates.surrogate import Surrogate
@@ -65,8 +66,8 @@ COPULA = Kind(
 
 
 def is_reference(name: object) -> bool:
-    """Check for the reference of a class; the name of a member has no colon."""
-    return isinstance(name, str) and ":" in name
+    """Check for the reference of a class; the name of a member has no colon, but SALib's."""
+    return isinstance(name, str) and ":" in name and not name.startswith(SALIB)
 
 
 def installed_names(kind: Kind, name: str) -> list[str]:

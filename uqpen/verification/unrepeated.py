@@ -171,7 +171,8 @@ def _analyses(study: ValidatedStudy, tree: xr.DataTree) -> _Left:
             statistics.update(added)
     reason = f"they follow from code that the archive names ({', '.join(named)})"
     result = _unchecked("analyses", f"{', '.join(sorted(statistics)) or 'none'}; {reason}", ADVICE)
-    return replace(study, analyses=()), xr.DataTree.from_dict(groups), result
+    built_in = tuple(each for each in study.analyses if each.is_built_in)
+    return replace(study, analyses=built_in), xr.DataTree.from_dict(groups), result
 
 
 def other_recipe(tree: xr.DataTree) -> frozenset[str]:

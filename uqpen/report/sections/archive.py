@@ -68,6 +68,9 @@ _PURPOSES = {
     Sampling.QUADRATURE: "weighted sums for mean and standard deviation; no sample",
     Sampling.TRAJECTORIES: "a screening of the inputs by elementary effects; no sample",
     Sampling.ONE_AT_A_TIME: "responses at the nominal point; no sample",
+    Sampling.SEARCH_CURVES: "indices by FAST; no sample",
+    Sampling.FINITE_DIFFERENCES: "squared derivatives by the inputs (DGSM); no sample",
+    Sampling.TWO_LEVELS: "effects of the inputs between two levels; no sample",
     Sampling.TOWARDS_EVENT: "the probability of a rare event; no sample",
 }
 

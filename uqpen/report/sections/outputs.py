@@ -28,6 +28,7 @@ from uqpen.charts.measures import (
     effect_charts,
     index_charts,
     responses,
+    salib_charts,
 )
 from uqpen.charts.scatter import PlottedRuns, scatter_output_charts
 from uqpen.charts.study_limits import study_limits
@@ -207,6 +208,7 @@ def _measure_blocks(view: ArchiveView, output: str) -> Iterator[Block]:
     for name, table in named_tables(view.statistics, output, view.unit(output), everything=True):
         tables.setdefault(name, []).append(table)
     charts = [*index_charts(view, output, tables), *effect_charts(view, output, tables)]
+    charts += salib_charts(view, output, tables)
     yield from charts
     if changes := tuple(responses(view, output)):
         yield Charts(changes, tables=tuple(tables.pop("responses", ())))
