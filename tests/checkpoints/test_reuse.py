@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hashed_trees import with_hashes
 from hypothesis import given
 from hypothesis import strategies as st
 from study_text import study_text
@@ -389,6 +390,11 @@ def test_an_archive_that_was_edited_is_refused(studies):
     write_tree(tree, edited)
     with pytest.raises(ArchiveError, match="been changed since it was written"):
         studies.make(STUDY, "new.nc", reuse=[edited])
+    nested = studies.folder / "nested.nc"
+    tree.attrs["study_text"] = "a = " + "[" * 100_000
+    write_tree(with_hashes(tree), nested)
+    with pytest.raises(ArchiveError, match="is damaged"):
+        studies.make(STUDY, "new.nc", reuse=[nested])
     edited.write_text("no archive")
     with pytest.raises(ArchiveError, match="is not an archive"):
         studies.make(STUDY, "new.nc", reuse=[edited])

@@ -42,6 +42,14 @@ class TestRunExplorer:
         assert kind.rows == ("v = u", "u = 0", "rigid")
         assert explorer.model == "original"
 
+    def test_a_category_may_be_called_as_failed_runs_are(self, archives):
+        tree = archives["rods"].copy(deep=True)
+        (design,) = tree["models/original/runs"].children.values()
+        (kind,) = (each for each in design.data_vars.values() if "flag_labels" in each.attrs)
+        kind.attrs["flag_labels"] = [*kind.attrs["flag_labels"][:-1], "lost"]
+        (kind,) = (each for each in explorer_of(tree, "original").columns if each.rows)
+        assert kind.rows == ("v = u", "u = 0", "lost")
+
     def test_its_lists_are_those_of_the_charts(self, archives):
         blocks = list(scatter(ArchiveView(archives["beam"], "")))
         charts, explorers = list(find_charts(blocks)), list(find_explorers(blocks))

@@ -62,8 +62,8 @@ def thin_runs(runs: xr.Dataset, most: int) -> xr.Dataset:
 
 
 def _category_labels(output: xr.DataArray) -> dict[int, str]:
-    """Return the labels of an output's categories by code, without that of failed runs."""
-    return {code: label for code, label in category_labels(output).items() if label != "lost"}
+    """Return the labels of an output's categories by code, which is negative of failed runs."""
+    return {code: label for code, label in category_labels(output).items() if code >= 0}
 
 
 @dataclass(frozen=True)

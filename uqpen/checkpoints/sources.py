@@ -174,7 +174,7 @@ def _open_archive(study: StudyIdentity, path: Path, *, is_named: bool) -> Archiv
         raise ArchiveError(f"{path}: is damaged: {fault}")
     try:
         before = tomllib.loads(str(tree.attrs["study_text"])).get("designs", {})
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise ArchiveError(f"{path}: is damaged: the text of its study: {error}") from None
     if is_benchmark(tree):
         raise ArchiveError(f"{path}: is the archive of a benchmark, which has no runs of a study")
