@@ -1,15 +1,20 @@
 """Every law against SciPy's, and the properties that any law has."""
 
 import math
+from dataclasses import replace
 
+import chaospy
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from library_tables import PAGE, with_table
 from scipy import stats
 
 from uqpen.core.errors import SettingsError
+from uqpen.designs.rare_events.subset_simulation import SubsetSimulation
 from uqpen.distributions import DISTRIBUTIONS
+from uqpen.distributions.frozen import FrozenDistribution, frozen_families
 from uqpen.distributions.univariate import (
     Beta,
     Gamma,
@@ -22,6 +27,7 @@ from uqpen.distributions.univariate import (
     Uniform,
     Weibull,
 )
+from uqpen.testing import example_joint_distribution
 
 pytestmark = pytest.mark.processor
 
@@ -164,3 +170,39 @@ def test_a_triangle_may_be_upright_on_one_side(mode):
     values = np.linspace(-0.5, 1.5, 9)
     np.testing.assert_allclose(distribution.cdf(values), scipys.cdf(values), atol=1e-12)
     np.testing.assert_allclose(distribution.sf(values), scipys.sf(values), atol=1e-12)
+
+
+class TestUpperTailsOfChaospy:
+    """It has an upper tail as 1 - F alone."""
+
+    def test_a_truncation_within_the_tail_is_refused_with_the_reason(self):
+        parent = FrozenDistribution(chaospy.Normal(0, 1))
+        Truncated(parent, 5.0)  # a probability of 3e-7 above
+        with pytest.raises(SettingsError, match="computes an upper tail as 1 - F"):
+            Truncated(parent, 6.0)  # 1e-9
+        Truncated(parent, -math.inf, -7.0)  # the lower tail has its digits
+
+    def test_scipy_has_both_tails(self):
+        far = Truncated(FrozenDistribution(stats.norm(0, 1)), 8.0)
+        assert far.median == pytest.approx(8.084911, abs=1e-6)
+
+    def test_a_design_for_a_rare_event_is_refused(self):
+        joint = example_joint_distribution()
+        first = replace(joint.random[0], distribution=FrozenDistribution(chaospy.Normal(0, 1)))
+        joint = replace(joint, inputs=(first, *joint.random[1:]))
+        design = SubsetSimulation(event="y > 5", samples=100)
+        (problem,) = design.check_inputs(joint)
+        assert "upper tail is known down to 1e-08 only" in problem.found
+        assert not list(design.check_inputs(example_joint_distribution()))
+
+
+def test_names_of_chaospy_are_those_of_single_continuous_distributions():
+    names = frozen_families("chaospy")
+    assert len(names) > 55
+    assert {"Alpha", "Kumaraswamy", "PERT", "TukeyLambda"} <= names.keys()
+    assert {"MvNormal", "J", "Trunc", "Binomial", "GaussianKDE", "Clayton"}.isdisjoint(names)
+
+
+def test_the_page_has_each_name_with_its_parameters():
+    page = PAGE.read_text(encoding="utf-8")
+    assert with_table(page) == page, "python tests/library_tables.py writes it anew"

@@ -10,6 +10,7 @@ from study_text import study_text
 import uqpen
 from uqpen.core.streams import Stream
 from uqpen.designs.drawn_points import points_in_memory
+from uqpen.designs.rounds import first_round
 from uqpen.distributions.input_group import SampleDistribution
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.results.output_tables import output_tables
@@ -339,3 +340,49 @@ def test_an_input_in_two_entries_is_refused_in_python():
     (problem,) = caught.value.problems
     assert problem.found == "b, which [inputs] has"
     assert problem.key == "joint.a_b"
+
+
+CONDITIONAL = [
+    {"name": "Normal", "mu": 10, "sigma": 1},
+    {"name": "Normal", "mu": "0.1 * a", "sigma": 0.2},
+]
+
+
+def conditional(parts, **others):
+    joint = {"ab": {"inputs": ["a", "b"], "chaospy": parts, **others}}
+    return study({"c": 1.0}, {"mc": uqpen.MonteCarlo(runs=4000)}, joint=joint)
+
+
+def test_a_parameter_may_be_a_formula_of_an_earlier_input():
+    made = conditional(CONDITIONAL)
+    check_joint(made.joint)
+    points = first_round(uqpen.MonteCarlo(runs=4000), made.joint, Stream(1))
+    values = points_in_memory(points)
+    a, b = values["a"].values, values["b"].values
+    # Var b = 0.04 + 0.01 Var a, and the covariance 0.1 Var a; six standard errors of 4 000 draws.
+    assert np.var(b) == pytest.approx(0.05, abs=0.007)
+    assert np.cov(a, b)[0, 1] == pytest.approx(0.1, abs=0.025)
+    assert b.mean() == pytest.approx(1, abs=0.03)
+
+
+@pytest.mark.parametrize(
+    ("parts", "found"),
+    [
+        ([CONDITIONAL[0], {**CONDITIONAL[1], "mu": "0.1 * c"}], "a name before it; known: a"),
+        ([CONDITIONAL[0], {**CONDITIONAL[1], "mu": "0.1 * b"}], "a name before it; known: a"),
+        ([CONDITIONAL[0], {**CONDITIONAL[1], "mu": "open('a')"}], "a name before it"),
+        ([CONDITIONAL[0], {**CONDITIONAL[1], "mu": "a * '2 mm'"}], "plain numbers"),
+        ([CONDITIONAL[0], {**CONDITIONAL[1], "mu": "a *"}], "a formula of a"),
+        ([CONDITIONAL[0], {**CONDITIONAL[1], "mu": True}], "a number, or a formula"),
+        ([CONDITIONAL[0], {**CONDITIONAL[1], "sgma": 1}], "parameters that it takes"),
+        ([CONDITIONAL[0], {"name": "Norml"}], 'did you mean "Normal"?'),
+        ([CONDITIONAL[0], {"name": "MvNormal"}], "a distribution of chaospy"),
+        (CONDITIONAL[:1], "1 distributions for 2 inputs"),
+        ([CONDITIONAL[0], 3], "a table such as"),
+    ],
+)
+def test_mistakes_of_conditional_parameters_are_met(parts, found):
+    with pytest.raises(uqpen.StudyError) as caught:
+        conditional(parts)
+    assert found in str(caught.value)
+    assert len(caught.value.problems) == 1

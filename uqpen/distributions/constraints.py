@@ -86,6 +86,35 @@ def parse_constraint(text: str, units: Mapping[str, str]) -> Constraint:
     return Constraint(text, names)
 
 
+def evaluate_formula(text: str, values: Mapping[str, Any]) -> Any:
+    """Return the value of a formula of plain numbers and of named values, such as ``"a / 10"``.
+
+    The values may be anything with arithmetic. ConstraintError if it is no such formula.
+    """
+    example = f'such as "2 * {next(iter(values))}"' if values else "such as 2"
+    try:
+        if len(text) > _LONGEST:
+            raise ConstraintError(f"{len(text)} characters", f"at most {_LONGEST}")
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            tree = ast.parse(text.strip(), mode="eval").body
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Name) and node.id not in values:
+                raise ConstraintError(
+                    f'"{node.id}"', f"a name before it; {choices(node.id, values)}"
+                )
+        constants = (each.value for each in ast.walk(tree) if isinstance(each, ast.Constant))
+        if any(isinstance(each, str) for each in constants):
+            raise ConstraintError(toml_text(text), "plain numbers, in the units of the values")
+        _check_unit(tree, dict.fromkeys(values, DIMENSIONLESS))
+        return _evaluate(tree, values)
+    except ConstraintError:
+        raise
+    except (SyntaxError, ValueError, RecursionError, MemoryError, Warning):
+        expected = f"a formula of {', '.join(values) or 'numbers'}, {example}"
+        raise ConstraintError(toml_text(text), expected) from None
+
+
 def _parse(text: str) -> ast.Compare:
     if len(text) > _LONGEST:
         raise ConstraintError(f"{len(text)} characters", f"at most {_LONGEST}")

@@ -118,9 +118,21 @@ class Distribution(ABC):
         return bool(np.isfinite(ends).all() and ends[0] < ends[-1])
 
     @property
+    def least_upper_tail(self) -> float:
+        """Least probability above a value that it knows with eight digits; 0 for any."""
+        return 0.0
+
+    @property
     def median(self) -> float:
         """Median of the distribution."""
         return float(self.ppf(np.array(0.5)))
+
+
+# Why the upper tail of a distribution is refused, and what has it.
+UPPER_TAIL = (
+    "chaospy computes an upper tail as 1 - F, which has no digits left there; SciPy's "
+    "distributions and those of uqpen have both tails"
+)
 
 
 def order_problem(lower: float, upper: float) -> Iterator[Problem]:

@@ -20,6 +20,13 @@ from uqpen.distributions.distribution import OPEN_INTERVAL, Distribution
 LIBRARIES = {"scipy": "scipy.stats", "chaospy": "chaospy"}
 
 
+# Discrete distributions of chaospy, whose steps its interface does not show, and those of several
+# variables.
+_NO_SINGLE = ("Binomial", "DiscreteUniform", "MvLogNormal", "MvNormal", "MvStudentT")
+# chaospy has an upper tail as 1 - F alone: its digits end near 1e-16, and of a probability of 1e-8
+# it has eight.
+_LEAST_UPPER_TAIL = 1e-8
+
 # Of more values, sums would take long.
 _MOST_ATOMS = 100_000
 
@@ -83,6 +90,11 @@ class FrozenDistribution(Distribution):
         return self._is_scipy and not hasattr(self.frozen.dist, "pdf")
 
     @property
+    def least_upper_tail(self) -> float:
+        """Least probability above a value that it knows with eight digits; 0 for any."""
+        return 0.0 if self._is_scipy else _LEAST_UPPER_TAIL
+
+    @property
     def _is_scipy(self) -> bool:
         return hasattr(self.frozen, "sf")
 
@@ -116,10 +128,10 @@ def frozen_distribution(
     return FrozenDistribution(frozen, unit)
 
 
-def frozen_names(library: str) -> list[str]:
-    """Return the names of the continuous distributions of a library."""
+def frozen_families(library: str) -> dict[str, Any]:
+    """Return the continuous distributions of one variable that a library has, by their names."""
     module = importlib.import_module(LIBRARIES[library])
-    return [name for name, value in vars(module).items() if _is_family(library, module, value)]
+    return {name: each for name, each in vars(module).items() if _is_family(library, module, each)}
 
 
 def as_frozen(value: object) -> FrozenDistribution | None:
@@ -165,7 +177,10 @@ def declare(frozen: Any) -> tuple[str, dict[str, Any]] | None:
 def _is_family(library: str, module: Any, family: Any) -> bool:
     if library == "scipy":
         return isinstance(family, module.rv_continuous | module.rv_discrete)
-    return isinstance(family, type) and issubclass(family, module.Distribution)
+    # Its other classes are operators, copulas and distributions of several variables.
+    is_class = isinstance(family, type) and issubclass(family, module.Distribution)
+    is_single = is_class and family.__module__.startswith("chaospy.distributions.collection.")
+    return is_single and family.__name__ not in _NO_SINGLE
 
 
 def parse_call(text: str) -> tuple[str, list[Any], dict[str, Any]]:

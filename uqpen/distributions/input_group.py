@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar, NoReturn
@@ -16,8 +16,9 @@ from uqpen.core.arrays import FloatArray, rows_by_weight
 from uqpen.core.errors import ModelError
 from uqpen.core.files import FileSnapshot
 from uqpen.core.units import scale
+from uqpen.distributions.constraints import evaluate_formula
 from uqpen.distributions.distribution import Distribution, UnloadedDistribution
-from uqpen.distributions.frozen import is_chaospy, parse_call
+from uqpen.distributions.frozen import frozen_families, is_chaospy, parse_call
 from uqpen.distributions.univariate import Discrete
 
 # Interface of the joint distribution of several inputs, and its stand-in without code.
@@ -167,8 +168,52 @@ def chaospy_joint(
     family: Any = getattr(chaospy, name, None)
     if not isinstance(family, type) or not issubclass(family, chaospy.Distribution):
         raise LookupError(name)
+    return _checked(lambda: family(**parameters), name, inputs, units)
+
+
+def conditional_joint(
+    parts: Sequence[tuple[str, Mapping[str, float | str]]],
+    inputs: tuple[str, ...],
+    units: tuple[str, ...],
+) -> ChaospyJoint:
+    """Return the joint distribution of inputs whose parameters may depend on earlier ones.
+
+    Parameters
+    ----------
+    parts : sequence of (str, mapping)
+        For each input the name of a distribution of chaospy and its parameters: numbers, or
+        formulas of the inputs before it, in the units of their values.
+
+    LookupError if chaospy has no such distribution; ConstraintError if a formula is none of earlier
+    inputs; ValueError if a distribution does not take these parameters.
+    """
+    chaospy = importlib.import_module("chaospy")
+    known = frozen_families("chaospy")
+    made: dict[str, Any] = {}
+    for name, (family, written) in zip(inputs, parts, strict=True):
+        if family not in known:
+            raise LookupError(family)
+        parameters = {
+            key: evaluate_formula(value, made) if isinstance(value, str) else value
+            for key, value in written.items()
+        }
+        try:
+            made[name] = known[family](**parameters)
+        except Exception as error:  # a library can raise anything about parameters
+            raise ValueError(f"{family}: {str(error) or type(error).__name__}") from None
+    shown = ", ".join(
+        f"{family}({', '.join(f'{key}={value}' for key, value in written.items())})"
+        for family, written in parts
+    )
+    return _checked(lambda: chaospy.J(*made.values()), f"J({shown})", inputs, units)
+
+
+def _checked(
+    make: Callable[[], Any], name: str, inputs: tuple[str, ...], units: tuple[str, ...]
+) -> ChaospyJoint:
+    """Return a joint distribution of chaospy; ValueError where it cannot be made or used."""
     try:
-        made = family(**parameters)
+        made = make()
         found = ChaospyJoint(inputs, made, units, name)
         dimensions = len(made)
         is_usable = dimensions == len(inputs) and all(map(math.isfinite, found.nominal()))

@@ -14,7 +14,7 @@ import scipy
 from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import Problem
 from uqpen.core.settings import difference, limit, number, numbers, quantity, quantity_list
-from uqpen.distributions.distribution import Distribution, order_problem
+from uqpen.distributions.distribution import UPPER_TAIL, Distribution, order_problem
 
 # Continuous distributions of an input, each a few formulas over `scipy.special`.
 #
@@ -478,9 +478,17 @@ class Truncated(Distribution):
             has_mass = self._mass() > 0
         except ArithmeticError:
             has_mass = False  # parameters so large or small that the formulas overflow
-        if self.lower < self.upper and not has_mass:
+        if 0 < self.parent.least_upper_tail > float(self.parent.sf(np.array(self.lower))):
+            least = self.parent.least_upper_tail
+            expected = f"a probability of {least:g} or more above it: {UPPER_TAIL}"
+            yield Problem(("lower",), f"{self.lower:g}", expected)
+        elif self.lower < self.upper and not has_mass:
             found = f"{self.lower:g} to {self.upper:g}, where the distribution has no probability"
             yield Problem((), found, "limits that leave some of the distribution")
+
+    @property
+    def least_upper_tail(self) -> float:
+        return self.parent.least_upper_tail if math.isinf(self.upper) else 0.0
 
     def logarithm(self) -> Truncated | None:
         parent = self.parent.logarithm()

@@ -27,7 +27,7 @@ from uqpen.distributions.frozen import (
     LIBRARIES,
     FrozenDistribution,
     frozen_distribution,
-    frozen_names,
+    frozen_families,
 )
 from uqpen.distributions.joint_distribution import FixedInput, JointDistribution, RandomInput
 from uqpen.distributions.measurements import (
@@ -82,7 +82,7 @@ def read_frozen(table: TableReader, variable: Input, library: str) -> RandomInpu
     except ImportError:
         table.add_problem((), f"a distribution of {library}", f"{library} to be installed")
     except LookupError:
-        close = nearest(name, frozen_names(library))
+        close = nearest(name, frozen_families(library))
         hint = f'; did you mean "{close}"?' if close else ""
         expected = f"a continuous distribution of {LIBRARIES[library]}{hint}"
         table.add_wrong("name", name, expected)

@@ -11,14 +11,15 @@ import numpy as np
 
 from uqpen.core.arrays import FloatArray
 from uqpen.core.columns import Column, columns_of_table, read_columns
-from uqpen.core.errors import QuantityError, SettingsError, TableError, toml_text
+from uqpen.core.errors import ConstraintError, QuantityError, SettingsError, TableError, toml_text
 from uqpen.core.files import FileSnapshot
 from uqpen.core.labels import WEIGHT
-from uqpen.core.lookup import choices
+from uqpen.core.lookup import choices, nearest
 from uqpen.core.model import Input, Model
 from uqpen.core.settings import as_float, number, read_each, read_list
 from uqpen.core.units import ANY_DIMENSION, DIMENSIONLESS, are_convertible, describe
 from uqpen.distributions.copulas import MEASURES, EllipticalCopula, score_correlation
+from uqpen.distributions.frozen import frozen_families
 from uqpen.distributions.input_group import (
     ChaospyJoint,
     ImplicitMarginal,
@@ -26,6 +27,7 @@ from uqpen.distributions.input_group import (
     SampleDistribution,
     UnloadedGroup,
     chaospy_joint,
+    conditional_joint,
 )
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
 from uqpen.study.table_reader import OBJECT, TableReader, read_named_object
@@ -174,7 +176,9 @@ def _units(section: TableReader, variables: list[Input]) -> tuple[str, ...] | No
 def _read_chaospy(
     section: TableReader, names: tuple[str, ...], units: tuple[str, ...]
 ) -> InputGroup | None:
-    """Read a multivariate distribution of chaospy: its name and its parameters."""
+    """Read a joint distribution of chaospy: by its name, or one of each input in their order."""
+    if isinstance(section.content["chaospy"], list):
+        return _read_conditional(section, names, units)
     table = section.table("chaospy", "a table with the name and the parameters of a distribution")
     name = table.text("name", 'the name of a multivariate distribution, such as "MvNormal"')
     parameters: dict[str, Any] = {key: table.take(key) for key in table if key != "name"}
@@ -190,6 +194,49 @@ def _read_chaospy(
     except ValueError as error:
         section.add_problem("chaospy", str(error), f"parameters of {name}")
     return None
+
+
+_PART = '{ name = "Normal", mu = "2 * a", sigma = 1 }'
+
+
+def _read_conditional(
+    section: TableReader, names: tuple[str, ...], units: tuple[str, ...]
+) -> InputGroup | None:
+    """Read a distribution of each input, whose parameters may be formulas of those before it."""
+    noted, entries = len(section.problems), section.entries("chaospy")
+    parts = [_read_part(section, number, written) for number, written in enumerate(entries)]
+    if len(section.problems) == noted and len(entries) != len(names):
+        found = f"{len(entries)} distributions for {len(names)} inputs"
+        section.add_problem("chaospy", found, "one for each input, in their order")
+    if len(section.problems) > noted:
+        return None
+    try:
+        return conditional_joint(parts, names, units)
+    except ConstraintError as error:
+        section.add_problems(error.problems, "chaospy")
+    except ValueError as error:
+        section.add_problem("chaospy", str(error), "parameters that it takes")
+    return None
+
+
+def _read_part(
+    section: TableReader, position: int, written: Any
+) -> tuple[str, dict[str, float | str]]:
+    """Read the distribution of one input: its name and its parameters; mistakes are noted."""
+    if not isinstance(written, dict):
+        section.add_wrong(("chaospy", position), written, f"a table such as {_PART}")
+        return "", {}
+    table = section.inside(written, "chaospy", position)
+    family = table.text("name", 'the name of a distribution, such as "Normal"') or ""
+    parameters = {key: table.take(key) for key in table if key != "name"}
+    for key, value in parameters.items():
+        if not isinstance(value, int | float | str) or isinstance(value, bool):
+            table.add_wrong(key, value, "a number, or a formula of inputs before it in quotes")
+    if family and family not in (known := frozen_families("chaospy")):
+        close = nearest(family, known)
+        hint = f'; did you mean "{close}"?' if close else ""
+        table.add_wrong("name", family, f"a distribution of chaospy{hint}")
+    return family, parameters
 
 
 def _is_numeric(value: object) -> bool:

@@ -27,6 +27,7 @@ from uqpen.designs.rare_events.limit_state import (
     parse_limit_state,
 )
 from uqpen.designs.stopping.stopping_rule import RequestedOutput
+from uqpen.distributions.distribution import UPPER_TAIL
 from uqpen.distributions.joint_distribution import JointDistribution
 
 if TYPE_CHECKING:
@@ -125,6 +126,12 @@ class RareEventDesign(Design):
         stream : Stream
             Source of the replicate's random numbers.
         """
+
+    def check_inputs(self, joint: JointDistribution) -> Iterator[Problem]:
+        for entry in joint.random:
+            if least := entry.distribution.least_upper_tail:
+                found = f"{entry.variable.name}, whose upper tail is known down to {least:g} only"
+                yield Problem((), found, f"inputs with both tails: {UPPER_TAIL}")
 
     def check_outputs(self, requested: Sequence[RequestedOutput]) -> Iterator[Problem]:
         for problem in parse_limit_state(self.event).check_outputs(requested):
