@@ -232,6 +232,16 @@ class TestMorris:
             assert note(found, name, "a")
 
 
+@pytest.mark.parametrize(("side", "response"), [("backward", 2 - 0.01), ("forward", 2 + 0.01)])
+def test_a_difference_may_be_of_one_side(side, response):
+    design = OneAtATime(0.01, difference=side)
+    joint = law_of({"a": Normal(3.0, 0.1)})
+    assert points(design, joint).sizes["run"] == design.run_count(joint) == 2
+    found = sensitivity(design, joint, lambda a: a**2)
+    assert figure(found, "response", "a") == pytest.approx(response)
+    assert "as the design says" in note(found, "response", "a")
+
+
 class TestOneAtATime:
     LAW = law_of({"a": Normal(2.0, 0.2), "b": Uniform(1.0, 5.0), "f": 4.0, "zero": 0.0})
 

@@ -68,6 +68,7 @@ from uqpen.core.labels import (
     INTERVAL_LEVEL,
     KIND,
     LARGEST_CONTRIBUTION,
+    MAGNITUDES,
     MATRIX,
     MISSING,
     MODELS,
@@ -118,7 +119,8 @@ _ATTRIBUTES = {
         (
             *(INTERVAL, INTERVAL_LABEL, NOTE, ROLE, CONDITIONAL, MISSING, "units", "display_units"),
             *(ABSENT, CONTRADICTION, DERIVED_FROM, "source", "minus", "outputs", "check"),
-            *(AXIS_SCALE, CAVEAT, SOURCE_KIND, CITED, LARGEST_CONTRIBUTION, NOT_FITTED, REFUTED),
+            *(AXIS_SCALE, CAVEAT, SOURCE_KIND, CITED, MAGNITUDES, LARGEST_CONTRIBUTION),
+            *(NOT_FITTED, REFUTED),
             *("flag_meanings", DECISION, DECISION_CLAIM, STOPPING_CLAIM, STOPPING_STATISTICS),
         ),
         "text",

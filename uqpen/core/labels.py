@@ -111,6 +111,8 @@ JOINT_GROUP = "joint_probabilities"
 # Kind of a source (a design, a surrogate or a publication), and the citation of a publication.
 SOURCE_KIND = "kind"
 CITED = "cited"
+# Attribute of a publication whose responses are printed without their signs.
+MAGNITUDES = "magnitudes"
 # Analyses that a study leaves out, an attribute of the root.
 LEFT_OUT = "left_out"
 MOMENTS = "moments"

@@ -79,6 +79,22 @@ def parse_any_dimension(text: str, *, difference: bool = False) -> Quantity:
     return parse_quantity(text, _split(text, DIMENSIONLESS)[1], difference=difference)
 
 
+def half_last_digit(text: str, *, difference: bool = False) -> float:
+    """Return half a unit of the last digit of a quantity as it is written, in SI units.
+
+    >>> half_last_digit("0.140 m")
+    0.0005
+
+    QuantityError as for `parse_any_dimension`.
+    """
+    quantity = parse_any_dimension(text, difference=difference)
+    match = _NUMBER.match(text.strip().replace(_MINUS, "-"))
+    assert match is not None  # as the quantity could be read
+    digits, _, power = match[0].lower().partition("e")
+    last = int(power or 0) - len(digits.partition(".")[2].replace("_", ""))
+    return scale(quantity.unit).difference_to_si(float(f"5e{last - 1}"))
+
+
 def parse_spread(text: str, like: str) -> Spread | None:
     """Read a mean with a standard deviation such as ``"(2.5 ± 0.05) g/cm^3"``.
 

@@ -20,7 +20,7 @@ from uqpen.core.labels import (
     RUN,
 )
 from uqpen.core.sampling import Sampling
-from uqpen.core.settings import count, flag, number
+from uqpen.core.settings import choice, count, flag, number
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design, Extension, Rounds
 from uqpen.distributions.joint_distribution import JointDistribution, points_dataset
@@ -84,14 +84,17 @@ def moved_input_numbers(runs: xr.Dataset) -> dict[str, int]:
 # Half of the range between them is about one standard deviation.
 _LOW, _HIGH = 0.16, 0.84
 
+# The steps of each kind of difference.
+_SIDES = {"central": (-1, 1), "backward": (-1,), "forward": (1,)}
+
 
 @dataclass(frozen=True)
 class OneAtATime(Design):
-    """One-at-a-time design: relative central differences at the nominal point.
+    """One-at-a-time design: relative differences at the nominal point.
 
     The nominal point, and for each random input two more, at its nominal value times 1 - `step`
-    and 1 + `step`. Where that value is 0, the step is relative to half the input's 16 % to 84 %
-    range. A point outside the model's domain is inadmissible, as any point is.
+    and 1 + `step`, or one of these. Where that value is 0, the step is relative to half the input's
+    16 % to 84 % range. A point outside the model's domain is inadmissible, as any point is.
 
     Parameters
     ----------
@@ -99,12 +102,16 @@ class OneAtATime(Design):
         The step of an input, relative to its nominal value.
     fixed : bool
         Whether the fixed inputs are moved too, all but those that are 0.
+    difference : str
+        ``"central"``: steps down and up. ``"backward"`` or ``"forward"``: the step down or up
+        alone, whose error is of the order of the step and not of its square.
     """
 
     sampling = Sampling.ONE_AT_A_TIME
 
     step: float = number(above=0, below=1, default=0.01)
     fixed: bool = flag(default=False)
+    difference: str = choice(*_SIDES, default="central")
 
     def check_inputs(self, joint: JointDistribution) -> Iterator[Problem]:
         for entry in joint.random:
@@ -117,7 +124,8 @@ class OneAtATime(Design):
 
     def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
         moves = list(self._moves(joint))
-        runs = 1 + 2 * len(moves)
+        sides = _SIDES[self.difference]
+        runs = 1 + len(sides) * len(moves)
         nominal = joint.nominal()
         moved_names = [name for name, _, _ in moves]
         names = {entry.variable.name for entry in joint.random}.union(moved_names)
@@ -125,11 +133,12 @@ class OneAtATime(Design):
         moved, by = np.full(runs, -1), np.zeros(runs)
         uncertainty = np.zeros(runs)
         for position, (name, reference, std) in enumerate(moves):
-            pair = slice(1 + 2 * position, 3 + 2 * position)
-            by[pair] = -self.step, self.step
-            moved[pair] = position
-            uncertainty[pair] = std / abs(reference)
-            values[name][pair] += by[pair] * reference
+            start = 1 + len(sides) * position
+            own = slice(start, start + len(sides))
+            by[own] = [side * self.step for side in sides]
+            moved[own] = position
+            uncertainty[own] = std / abs(reference)
+            values[name][own] += by[own] * reference
         points = points_dataset(joint, values, {MOVED_UNCERTAINTY: uncertainty}, runs=runs)
         points[MOVED_UNCERTAINTY].attrs = {
             "units": "1",
@@ -143,7 +152,7 @@ class OneAtATime(Design):
         yield points
 
     def run_count(self, joint: JointDistribution) -> int:
-        return 1 + 2 * len(list(self._moves(joint)))
+        return 1 + len(_SIDES[self.difference]) * len(list(self._moves(joint)))
 
     def _moves(self, joint: JointDistribution) -> Iterator[tuple[str, float, float]]:
         """Yield each input to move, the reference of its step, and its standard deviation."""

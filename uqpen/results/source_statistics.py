@@ -26,6 +26,7 @@ from uqpen.core.labels import (
     JOINT_GROUP,
     LARGEST_CONTRIBUTION,
     LOGARITHMIC,
+    MAGNITUDES,
     MISSING,
     MODEL_FORM,
     RANK,
@@ -234,6 +235,10 @@ class SourceStatistics:
     def citation(self, publication: str) -> str:
         """Return the reference of a publication."""
         return str(self._dataset(publication).attrs.get(CITED, ""))
+
+    def are_magnitudes(self, publication: str) -> bool:
+        """Return True if the responses of a publication are without their signs."""
+        return MAGNITUDES in self._dataset(publication).attrs
 
     def minus(self, source: str) -> str:
         """Return the model whose values are subtracted in a difference; empty for none."""

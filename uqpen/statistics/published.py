@@ -1,19 +1,32 @@
-"""Published estimates, in the same groups as uqpen's own for comparison."""
+"""Published figures: compared with own runs by both noises and the rounding of the print."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+from scipy import special
+
+from uqpen.core.arrays import FloatArray
+from uqpen.core.labels import SAMPLING, STATUS
 from uqpen.core.model import Output
-from uqpen.core.settings import difference, quantities, quantity, text, validate
+from uqpen.core.quantities import half_last_digit
+from uqpen.core.sampling import Sampling
+from uqpen.core.settings import count, difference, flag, quantities, quantity, text, validate
+from uqpen.core.status import Status
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.statistics import texts
-from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.estimate import LEVEL, Estimate
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from uqpen.statistics.analyze import OutputStatistics
+
+MEAN, STD = "mean", "std"
 
 
 @dataclass(frozen=True)
@@ -27,6 +40,9 @@ class PublishedEstimates:
     response: Mapping[str, float] = quantities(unit=DIMENSIONLESS)
     # The input whose contribution to the uncertainty it calls the largest; empty for none.
     largest_contribution: str = ""
+    # Half of the last printed digit of the figures that are given as text, in SI units.
+    rounding: Mapping[str, float] = field(default_factory=dict, hash=False)
+    response_rounding: Mapping[str, float] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
         validate(self)
@@ -34,8 +50,18 @@ class PublishedEstimates:
     @property
     def moments(self) -> dict[str, float]:
         """Mean and standard deviation, as far as they are published."""
-        moments = {"mean": self.mean, "std": self.std}
+        moments = {MEAN: self.mean, STD: self.std}
         return {name: value for name, value in moments.items() if value is not None}
+
+
+@dataclass(frozen=True)
+class Reading:
+    """Another reading of a publication: changes of the study that compares itself with it."""
+
+    note: str  # what is read otherwise, in words; may be empty
+    changes: Mapping[str, Any]  # tables of the study file, merged into those of the study
+    # By status of a run that did not complete: values of outputs that stand for it, in SI units.
+    lost: Mapping[str, Mapping[str, float]]
 
 
 @dataclass(frozen=True)
@@ -44,28 +70,224 @@ class Publication:
 
     source: str = text(expected="where the figures stand")
     estimates: tuple[PublishedEstimates, ...] = ()
+    # Number of independent runs behind its means and standard deviations; None if not stated.
+    runs: int | None = count(minimum=2, default=None)
+    magnitudes: bool = flag(default=False)  # whether its responses are without their signs
+    # By input: its printed standard deviation over its nominal value.
+    uncertainties: Mapping[str, float] = quantities(unit=DIMENSIONLESS)
+    uncertainty_rounding: Mapping[str, float] = field(default_factory=dict, hash=False)
+    readings: Mapping[str, Reading] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
         validate(self)
 
 
-def published_estimates(publication: Publication) -> dict[str, OutputStatistics]:
-    """Return a publication's estimates by output and statistic, without intervals of ours."""
+def printed_rounding(table: Mapping[str, Any], differences: Sequence[str] = ()) -> dict[str, float]:
+    """Return half the last digit, in SI units, of each figure of a table that is text.
+
+    A figure that is a plain number is not among them: it may have lost its last zeros.
+    """
+    return {
+        name: half_last_digit(written, difference=name in differences)
+        for name, written in table.items()
+        if isinstance(written, str)
+    }
+
+
+# Comparison with independent runs.
+
+
+class Comparison(NamedTuple):
+    """Published figure of one output beside that of independent runs."""
+
+    output: str
+    figure: str  # "mean" or "std"
+    published: float
+    found: float
+    # Standard errors: of the published figure by its own runs, of that found here; half its digit.
+    published_error: float
+    found_error: float
+    half_digit: float
+
+    @property
+    def error(self) -> float:
+        """Standard deviation of the difference: both noises, and a rounding that is uniform."""
+        return math.hypot(self.published_error, self.found_error, self.half_digit / math.sqrt(3))
+
+    @property
+    def z(self) -> float:
+        """The difference in its standard deviations; infinite if it has none."""
+        gap = self.published - self.found
+        return gap / self.error if self.error else math.copysign(math.inf, gap) if gap else 0.0
+
+
+class TableComparison(NamedTuple):
+    """All means and standard deviations of a publication beside those of independent runs."""
+
+    figures: tuple[Comparison, ...]
+    runs: int  # values behind the figures found here
+    p: float  # probability of so large a largest |z|, by chance alone; 1 without a figure
+
+
+# Normal vectors by which the largest of several correlated figures is judged.
+_VECTORS = 100_000
+
+
+def compare_moments(
+    publication: Publication,
+    runs: xr.Dataset,
+    rng: np.random.Generator,
+    lost: Mapping[str, Mapping[str, float]] | None = None,
+) -> TableComparison:
+    """Compare published means and standard deviations with those of independent runs.
+
+    Parameters
+    ----------
+    publication : Publication
+        With the number of runs behind its figures; without it, these are exact but for rounding.
+    runs : Dataset
+        Runs of a design whose points are independent.
+    rng : Generator
+        For the distribution of the largest difference.
+    lost : mapping of str to mapping, optional
+        By the meaning of a status: values of outputs that stand for its runs, in SI units.
+
+    Notes
+    -----
+    The standard errors are those of the influence functions, y - m of the mean and
+    ((y - m)² - s²) / (2 s) of the standard deviation, whose correlations over the runs are those of
+    the figures: outputs of the same run, and a mean with its standard deviation, go together. The
+    probability is that of the largest absolute value of a normal vector with these correlations.
+    """
+    figures: list[Comparison] = []
+    influences: list[FloatArray] = []
+    size = 0
+    for estimates in publication.estimates:
+        name = estimates.output.name
+        if not estimates.moments or name not in runs:
+            continue
+        values = _values_with(runs, name, lost or {})
+        present = np.isfinite(values)
+        size = int(present.sum())
+        if size < 2:
+            continue
+        mean, std = float(values[present].mean()), float(values[present].std(ddof=1))
+        away = np.where(present, values - mean, 0.0)
+        of_std = (away**2 - np.where(present, std**2, 0.0)) / (2 * std) if std else 0.0 * away
+        for figure, found, influence in ((MEAN, mean, away), (STD, std, of_std)):
+            if figure not in estimates.moments:
+                continue
+            spread = math.sqrt(float((influence**2).sum()) / size)
+            behind = math.inf if publication.runs is None else publication.runs
+            figures.append(
+                Comparison(
+                    name,
+                    figure,
+                    estimates.moments[figure],
+                    found,
+                    spread / math.sqrt(behind),
+                    spread / math.sqrt(size),
+                    estimates.rounding.get(figure, 0.0),
+                )
+            )
+            influences.append(influence)
+    return TableComparison(tuple(figures), size, _largest_probability(figures, influences, rng))
+
+
+def _values_with(
+    runs: xr.Dataset, name: str, lost: Mapping[str, Mapping[str, float]]
+) -> FloatArray:
+    """Return the values of an output, NaN where a run has none and no value stands for it."""
+    status = runs[STATUS].values
+    values = np.where(status == Status.OK, runs[name].values, np.nan)
+    for each in Status:
+        if name in lost.get(each.meaning, {}):
+            values[status == each] = lost[each.meaning][name]
+    return values
+
+
+def _largest_probability(
+    figures: Sequence[Comparison], influences: Sequence[FloatArray], rng: np.random.Generator
+) -> float:
+    """Return the probability that the largest of correlated normal |z| is as large as found."""
+    if not figures:
+        return 1.0
+    largest = max(abs(each.z) for each in figures)
+    errors = np.array([each.error for each in figures])
+    if len(figures) == 1 or not errors.all():
+        return min(1.0, len(figures) * float(special.erfc(largest / math.sqrt(2))))
+    noise = np.array([math.hypot(each.published_error, each.found_error) for each in figures])
+    lengths = np.array([math.sqrt(float(each @ each)) for each in influences])
+    units = np.array(influences) / np.where(lengths, lengths, 1.0)[:, None]
+    correlation = units @ units.T * np.outer(noise / errors, noise / errors)
+    np.fill_diagonal(correlation, 1.0)
+    values, vectors = np.linalg.eigh(correlation)
+    root = vectors * np.sqrt(np.clip(values, 0.0, None))
+    drawn = rng.standard_normal((_VECTORS, len(figures))) @ root.T
+    return float((np.abs(drawn).max(axis=1) >= largest).mean())
+
+
+def independent_runs(runs: Mapping[str, xr.Dataset]) -> xr.Dataset | None:
+    """Return the runs of the first design whose points are independent; None without one."""
+    return next((each for each in runs.values() if is_independent(each)), None)
+
+
+def is_independent(runs: xr.Dataset) -> bool:
+    """Check that each point of some runs was drawn by itself."""
+    return runs.attrs.get(SAMPLING) == Sampling.INDEPENDENT
+
+
+# What an archive keeps.
+
+
+def published_estimates(
+    publication: Publication, runs: Mapping[str, xr.Dataset], level: float = LEVEL
+) -> dict[str, OutputStatistics]:
+    """Return a publication's estimates by output and statistic.
+
+    A mean or a standard deviation has an interval where the publication states the number of its
+    runs: by the scatter that independent runs show here, and its rounding. That of a response is
+    its rounding alone.
+    """
     from uqpen.statistics.sensitivity.input_measures import input_array
 
     reason = texts.PUBLISHED.format(source=publication.source)
+    own = independent_runs(runs) if publication.runs else None
+    compared: Sequence[Comparison] = ()
+    if own is not None:
+        compared = compare_moments(publication, own, np.random.default_rng(0)).figures
+    errors = {(each.output, each.figure): each for each in compared}
+    factor = float(special.ndtri((1 + level) / 2))
+
+    def moment_estimate(name: str, figure: str, value: float) -> Estimate:
+        each = errors.get((name, figure))
+        if each is None:
+            return Estimate.without_bounds(value, reason)
+        half = factor * math.hypot(each.published_error, each.half_digit / math.sqrt(3))
+        method = texts.PUBLISHED_NOISE.format(runs=publication.runs)
+        return Estimate(value, value - half, value + half, method, "nominal", reason)
+
+    def response_estimate(value: float, half: float | None) -> Estimate:
+        if half is None:
+            return Estimate.without_bounds(value, reason)
+        ends = value - half, value + half
+        return Estimate(value, *ends, texts.PUBLISHED_ROUNDING, "conservative", reason)
+
     found: dict[str, OutputStatistics] = {}
     for estimates in publication.estimates:
         name, title = estimates.output.name, estimates.output.title
         found[name] = {
-            moment: Estimate.without_bounds(value, reason).to_array(
+            moment: moment_estimate(name, moment, value).to_array(
                 units=estimates.output.unit, long_name=f"{moment} of {title}, published"
             )
             for moment, value in estimates.moments.items()
         }
         if estimates.response:
             found[name]["response"] = input_array(
-                [Estimate.without_bounds(value, reason) for value in estimates.response.values()],
+                [
+                    response_estimate(value, estimates.response_rounding.get(entry))
+                    for entry, value in estimates.response.items()
+                ],
                 [*estimates.response],
                 f"relative response of {title}, published",
             )

@@ -261,6 +261,7 @@ ONE_POINT = "a derivative at one point has no scatter"
 FIXED_INPUT = "a fixed input has no uncertainty"
 ONE_SIDED_STEP = "from the step {side} only: the other run failed"
 ONE_SIDED_STEP_ABSENT = "from the step {side} only: the other run gave no value"
+ONE_SIDED_DESIGN = "from the step {side} only, as the design says"
 NONLINEAR = "nonlinear: {down:.3g} from the step down, {up:.3g} from the step up"
 NONLINEAR_CHANGE = "nonlinear: the steps up and down differ by more than a tenth"
 OF_SI_VALUE = "relative to the {of} in {si}, not in {unit}"
@@ -389,3 +390,5 @@ SEPARATED = "the failed runs are completely separated from the others"
 
 # Publications.
 PUBLISHED = "published in {source}"
+PUBLISHED_NOISE = "scatter of {runs} independent runs as seen here, and the rounding of the print"
+PUBLISHED_ROUNDING = "rounding of the print"

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import tomli_w
 
+from uqpen.core.errors import StudyError
 from uqpen.core.files import FileSnapshot
 from uqpen.core.labels import CONVERGENCE, SENSITIVITY
 from uqpen.core.lookup import resolve
@@ -21,8 +22,10 @@ from uqpen.core.streams import Stream
 from uqpen.core.units import ANY_DIMENSION, describe
 from uqpen.designs.design import Design
 from uqpen.designs.monte_carlo import MonteCarlo
+from uqpen.designs.one_at_a_time import OneAtATime
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.statistics.estimate import LEVEL
+from uqpen.statistics.published import Publication, Reading
 from uqpen.study import SECTIONS
 from uqpen.study.budget_section import (
     BUDGET,
@@ -192,6 +195,7 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
     if are_models_whole and not inputs.unclear and tables["inputs"].is_given:
         for variant in models.values():
             _check_nominal(tables["inputs"], variant, joint)
+    _check_readings(root, fields["published"], name)
     if root.problems:
         raise document.error(root.problems)
     return ValidatedStudy(
@@ -305,6 +309,63 @@ def _check_nominal(table: TableReader, variant: Variant, joint: JointDistributio
         if violated.any():
             found = f"inputs that, at their medians, violate {condition}"
             table.add_problem((), found, f"inputs that {model.name} admits")
+
+
+def _check_readings(root: TableReader, publications: Mapping[str, Publication], name: str) -> None:
+    """Note the mistakes in the studies that publications are read by, if there are no others."""
+    document = root.document
+    if root.problems or not publications:
+        return
+    stated = _changed_content(document.content, Reading("", {}, {}))
+    for publication, each in publications.items():
+        for label, reading in each.readings.items():
+            place = ("published", publication, "readings", label)
+            content = _changed_content(document.content, reading)
+            if content == stated and not reading.lost:
+                expected = "other values than those of the study"
+                root.add_problem(place, "a reading that changes nothing", expected)
+            changed = Document(document.label, document.text, content, document.objects)
+            try:
+                read_study(changed, name, root.folder, trust=root.trust)
+            except StudyError as error:
+                root.add_problems(error.problems, *place)
+
+
+def _changed_content(content: Mapping[str, Any], reading: Reading) -> dict[str, Any]:
+    """Return the content of a study as a reading changes it, with what figures are compared with.
+
+    An input is replaced as a whole; other tables keep the keys that the reading does not have.
+    """
+    kept = {key: value for key, value in content.items() if key not in ("published", "surrogates")}
+    changed = _merge(kept, {key: each for key, each in reading.changes.items() if key != "inputs"})
+    inputs = {**content.get("inputs", {}), **reading.changes.get("inputs", {})}
+    return {**changed, "inputs": inputs} if inputs else changed
+
+
+def _merge(table: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a table with changes, merged into the tables inside it."""
+    found = dict(table)
+    for key, value in changes.items():
+        is_inner = isinstance(value, Mapping) and isinstance(found.get(key), Mapping)
+        found[key] = _merge(found[key], value) if is_inner else value
+    return found
+
+
+def reading_study(study: ValidatedStudy, reading: Reading) -> ValidatedStudy:
+    """Return the study that a publication is read by, with the designs that give its figures.
+
+    These are the first `monte-carlo` design and the first `one-at-a-time` design.
+    """
+    content = _changed_content(tomllib.loads(study.text), reading)
+    designs = study.designs
+    first = {
+        kind: next((name for name, each in designs.items() if isinstance(each, kind)), None)
+        for kind in (MonteCarlo, OneAtATime)
+    }
+    content["designs"] = {
+        name: table for name, table in content["designs"].items() if name in first.values()
+    }
+    return parse_study(tomli_w.dumps(content), name=study.name, folder=study.folder)
 
 
 def pilot_study(study: ValidatedStudy, runs: int) -> ValidatedStudy:

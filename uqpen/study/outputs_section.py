@@ -15,6 +15,7 @@ from uqpen.core.lookup import choices, installed_members, load_installed, resolv
 from uqpen.core.model import Model, Output
 from uqpen.core.quantities import parse_quantity
 from uqpen.core.settings import declared_settings, read_list
+from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.core.units import ANY_DIMENSION, scale
 from uqpen.core.variables import DerivedOutput, Reduction
@@ -26,7 +27,13 @@ from uqpen.reductions.derived import derived_outputs
 from uqpen.reductions.of_fields import At, Maximum
 from uqpen.statistics import SALIB_ANALYSES
 from uqpen.statistics.joint_event import JointEvent, OutputLimit
-from uqpen.statistics.published import Publication, PublishedEstimates
+from uqpen.statistics.published import (
+    STD,
+    Publication,
+    PublishedEstimates,
+    Reading,
+    printed_rounding,
+)
 from uqpen.statistics.quantity_of_interest import AcceptanceLimits, QuantityOfInterest
 from uqpen.statistics.user_defined_analysis import SALIB, UserDefinedAnalysis
 from uqpen.study.model_section import PartialModel
@@ -388,13 +395,57 @@ def read_published(table: TableReader, parts: StudyParts) -> dict[str, Publicati
             section.add_wrong((), name, "a name that no design or surrogate has")
             continue
         publication = section.settings(Publication)
+        printed = section.table("uncertainties")
+        known = [variable.name for variable in parts.model.inputs]
+        check_names(printed, known, "input", parts.model)
+        readings = dict(_read_readings(section.table("readings"), parts.model))
         estimates = [
             _read_estimates(section, output, parts.model) for output in parts.model.all_outputs
         ]
         section.check_unknown_keys("output")
         if publication is not None:
-            found[name] = replace(publication, estimates=tuple(filter(None, estimates)))
+            found[name] = replace(
+                publication,
+                estimates=tuple(filter(None, estimates)),
+                uncertainty_rounding=printed_rounding(printed.content),
+                readings=readings,
+            )
     return found
+
+
+# Statuses of runs for which a reading may have values.
+_LOST = tuple(status.meaning for status in Status if status is not Status.OK)
+# The tables of a study that a reading may change, and its other keys.
+_CHANGED = ("model", "models", "inputs", "joint", "dependence", "constraints", "designs")
+_READING_KEYS = ("note", "lost", *_CHANGED)
+
+
+def _read_readings(table: TableReader, model: Model) -> Iterator[tuple[str, Reading]]:
+    """Yield the readings of a publication; whether each is a study is found by reading it."""
+    for name, section in named_tables(table):
+        note = section.text("note", "a text in quotes") if "note" in section else ""
+        lost = {}
+        for status in (losses := section.table("lost")):
+            if status not in _LOST:
+                losses.add_problem(status, "an unknown status", f"one of {', '.join(_LOST)}")
+                continue
+            values = losses.table(status)
+            outputs = [output.name for output in model.all_outputs if output.is_number]
+            given = check_names(values, outputs, "output", model)
+            quantities = {each: values.quantity(each, model.output(each).unit) for each in given}
+            lost[status] = {key: each for key, each in quantities.items() if each is not None}
+        changes = {key: section.take(key) for key in _CHANGED if key in section}
+        for key, value in changes.items():
+            if not isinstance(value, dict):
+                section.add_wrong(key, value, f"a table of changes of [{key}]")
+        for key in section:
+            if key not in _READING_KEYS:
+                expected = f"a table of the study; {choices(key, _READING_KEYS)}"
+                section.add_problem(key, "an unknown key", expected)
+        if not changes and not lost:
+            expected = 'a change of the study, such as inputs.x = "(17 ± 4) mm"'
+            section.add_problem((), "a reading that changes nothing", expected)
+        yield name, Reading(note or "", changes, lost)
 
 
 def _read_estimates(
@@ -428,7 +479,14 @@ def _read_estimates(
         expected = f"an input of {model.name}; {choices(str(largest), known)}"
         table.add_wrong(LARGEST_CONTRIBUTION, largest, expected)
     table.check_unknown_keys()
-    return estimates if table.is_given else None
+    if estimates is None or not table.is_given:
+        return None
+    moments = {name: table.content[name] for name in estimates.moments}
+    return replace(
+        estimates,
+        rounding=printed_rounding(moments, [STD]),
+        response_rounding=printed_rounding(table.table("response").content),
+    )
 
 
 ANALYSES_KEY = "analyses"

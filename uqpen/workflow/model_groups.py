@@ -16,6 +16,7 @@ from uqpen.core.labels import (
     COST_SPENT,
     DIFFERENCES,
     LARGEST_CONTRIBUTION,
+    MAGNITUDES,
     MODEL_FORM,
     RUN,
     RUNS,
@@ -105,7 +106,9 @@ def model_groups(
             if statistics:
                 yield f"{path}/{output}", pack(statistics).assign_attrs(shown.get(output, {}))
     for name, publication in study.published.items():
-        yield from _publication_groups(publication, f"/{STATISTICS_GROUP}/{name}")
+        yield from _publication_groups(
+            publication, f"/{STATISTICS_GROUP}/{name}", own, study.confidence_level
+        )
     steps.start("trajectory at the nominal inputs", model)
     trajectory = _trajectory(study, variant)
     if trajectory is not None:
@@ -179,10 +182,14 @@ def joint_statistics(study: ValidatedStudy, runs: xr.Dataset) -> OutputStatistic
     return mark_uncertified({"": found}, runs.attrs)[""]
 
 
-def _publication_groups(publication: Publication, path: str) -> Groups:
-    """Yield the groups of a publication's estimates for a model."""
-    yield path, xr.Dataset(attrs={SOURCE_KIND: "publication", CITED: publication.source})
-    statistics = published_estimates(publication)
+def _publication_groups(publication: Publication, path: str, runs: Runs, level: float) -> Groups:
+    """Yield the groups of a publication's estimates beside a model and its runs."""
+    head = {SOURCE_KIND: "publication", CITED: publication.source}
+    yield (
+        path,
+        xr.Dataset(attrs=head | ({MAGNITUDES: "responses"} if publication.magnitudes else {})),
+    )
+    statistics = published_estimates(publication, runs, level)
     for estimates in publication.estimates:
         name, largest = estimates.output.name, estimates.largest_contribution
         attributes = {LARGEST_CONTRIBUTION: largest} if largest else {}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -171,6 +172,7 @@ def published_sentences(view: ArchiveView, design: str) -> Iterator[str]:
                 there, here = quantity.estimate(publication), next(iter((*bounded, *found)), None)
                 if there is not None and here is not None:
                     parts.append(_comparison(quantity, there, here))
+            parts += _responses(view, output, publication)
             parts += _largest_contribution(view, output, publication)
             if parts:
                 texts.append(f"{capitalized(output_title(view, output))}: {'; '.join(parts)}.")
@@ -190,7 +192,34 @@ def _comparison(quantity: QuotedStatistic, there: xr.DataArray, here: xr.DataArr
     if not np.isfinite(bounds).all():
         return f"{label} uncertain ({stated} without an interval)"
     _, lower, upper = bounds
-    return f"{label} {'agrees' if lower <= published <= upper else 'differs'} ({stated})"
+    # Both intervals count where the publication states the runs behind its figure.
+    ends = quantity.bounds(there).tolist()
+    own = upper - bounds[0] if published > bounds[0] else bounds[0] - lower
+    other = (ends[2] - ends[1]) / 2 if np.isfinite(ends).all() else 0.0
+    is_near = abs(published - bounds[0]) <= math.hypot(own, other)
+    return f"{label} {'agrees' if is_near else 'differs'} ({stated})"
+
+
+def _responses(view: ArchiveView, output: str, publication: str) -> Iterator[str]:
+    """Yield how many published responses agree to their printed digit."""
+    there = view.statistics.get(publication, output, "response")
+    if there is None:
+        return
+    are_magnitudes = view.statistics.are_magnitudes(publication)
+    printed = {name: there.sel(input=name).values.tolist() for name in there["input"].values}
+    for design in view.designs:
+        here = view.statistics.get(design, output, "response")
+        if here is None:
+            continue
+        found = {name: float(here.sel(input=name).values[0]) for name in here["input"].values}
+        pairs = [
+            (abs(found[name]) if are_magnitudes else found[name], *ends)
+            for name, ends in printed.items()
+            if name in found and np.isfinite(ends).all()
+        ]
+        if pairs:
+            same = sum(lower <= value <= upper for value, _, lower, upper in pairs)
+            yield f"{same} of {len(pairs)} responses agree to the printed digit ({design})"
 
 
 def _largest_contribution(view: ArchiveView, output: str, publication: str) -> Iterator[str]:

@@ -159,10 +159,10 @@ def relative_responses(
     Yields
     ------
     name : str
-        ``response``: relative change of the output divided by that of the input, by central
-        differences; ``contribution``: absolute response times the input's standard deviation
-        divided by its nominal value; ``change_per_std``: change of the output with one standard
-        deviation of the input, for an output that is shown in a unit with an offset.
+        ``response``: relative change of the output divided by that of the input, by the
+        differences of the design; ``contribution``: absolute response times the input's standard
+        deviation divided by its nominal value; ``change_per_std``: change of the output with one
+        standard deviation of the input, for an output that is shown in a unit with an offset.
     estimate : DataArray
         Along ``input`` and ``bound``, without bounds.
 
@@ -214,12 +214,13 @@ def _offset_note(of: str, si: str, unit: str) -> str:
 
 @dataclass(frozen=True)
 class _Steps:
-    """An output at the nominal point and at the two steps of an input; NaN for a failed run."""
+    """An output at the nominal point and at the steps of an input; NaN for no completed run."""
 
     nominal: float
     down: float
     up: float
-    by: tuple[float, float]  # the steps, relative to the reference of the input
+    by: float  # the step, relative to the reference of the input
+    is_one_sided: bool  # whether the design has one of the steps alone
     std: float  # of the input, relative to the magnitude of that reference; 0 if it is fixed
     sign: float  # of that reference
     is_of_spread: bool  # whether the reference is not the nominal value
@@ -230,15 +231,18 @@ class _Steps:
         """Return the steps of an input, which has a number among the moved ones."""
         values = np.where(runs[STATUS].values == Status.OK, runs[name].values, np.nan)
         moved, by = runs[MOVED_INPUT].values, runs[MOVED_BY].values
-        down, up = ((moved == number) & (by < 0), (moved == number) & (by > 0))
-        inputs = runs[entry].values
+        of_input, inputs = moved == number, runs[entry].values
+        nominal, steps = moved < 0, sorted(by[of_input].tolist())
+        at = {step: float(values[of_input & (by == step)][0]) for step in steps}
+        change = inputs[of_input & (by == steps[-1])][0] - inputs[nominal][0]
         return cls(
-            float(values[moved < 0][0]),
-            float(values[down][0]),
-            float(values[up][0]),
-            (float(by[down][0]), float(by[up][0])),
-            float(runs[MOVED_UNCERTAINTY].values[moved == number][0]),
-            math.copysign(1.0, float(inputs[up][0] - inputs[down][0])),
+            float(values[nominal][0]),
+            at.get(-abs(steps[0]), math.nan),
+            at.get(abs(steps[0]), math.nan),
+            abs(steps[0]),
+            len(steps) == 1,
+            float(runs[MOVED_UNCERTAINTY].values[of_input][0]),
+            math.copysign(1.0, float(change) * steps[-1]),
             entry in str(runs[MOVED_BY].attrs.get(RELATIVE_TO_SPREAD, "")).split(),
             CONDITIONAL in runs.attrs,
         )
@@ -250,7 +254,7 @@ class _Steps:
         if not self.nominal:
             return Estimate.without_bounds(math.nan, texts.NOMINAL_OUTPUT_IS_0)
         down, up = self.down / self.nominal - 1, self.up / self.nominal - 1
-        found = self._derivative(down / self.by[0], up / self.by[1], texts.NONLINEAR)
+        found = self._derivative(-down / self.by, up / self.by, texts.NONLINEAR)
         is_of_spread = self.is_of_spread and not math.isnan(found.value)
         return found.with_note(texts.OF_HALF_SPREAD if is_of_spread else "")
 
@@ -263,8 +267,8 @@ class _Steps:
         # A step is relative to the nominal value, which may be below 0.
         per_step = self.sign * self.std
         return self._derivative(
-            (self.down - self.nominal) / self.by[0] * per_step,
-            (self.up - self.nominal) / self.by[1] * per_step,
+            (self.nominal - self.down) / self.by * per_step,
+            (self.up - self.nominal) / self.by * per_step,
             texts.NONLINEAR_CHANGE,
         )
 
@@ -278,6 +282,7 @@ class _Steps:
         if math.isnan(value):
             return self._none(texts.STEP_ABSENT, texts.STEP_FAILED)
         note = texts.ONE_SIDED_STEP_ABSENT if self.lacks_values else texts.ONE_SIDED_STEP
+        note = texts.ONE_SIDED_DESIGN if self.is_one_sided else note
         return Estimate.without_bounds(value, texts.ONE_POINT, note.format(side=side))
 
     def _none(self, absent: str, failed: str) -> Estimate:
