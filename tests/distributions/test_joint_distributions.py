@@ -14,6 +14,7 @@ from uqpen.designs.rounds import first_round
 from uqpen.distributions.input_group import SampleDistribution
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.results.output_tables import output_tables
+from uqpen.surrogates.archived_surrogate import restore_surrogate
 from uqpen.testing import check_joint, example_joint_distribution
 
 FACTOR = chaospy.Uniform(1, 2)
@@ -287,12 +288,36 @@ def test_mistakes_of_chaospys_are_met(joint, found):
     assert "uqpen.Study(" in str(caught.value)
 
 
-def test_an_expansion_needs_the_distributions_of_single_inputs():
+def test_an_expansion_needs_a_joint_distribution_that_a_study_states():
     with pytest.raises(uqpen.StudyError, match="polynomials of a, b"):
         study(
-            {("a", "b"): JOINTS["multivariate normal"], "c": 1.0},
+            {("a", "b"): JOINTS["dependent parameter"], "c": 1.0},
             surrogates={"pce": uqpen.PolynomialChaos(design="mc", order=2)},
         )
+
+
+@pytest.mark.slow
+def test_an_expansion_over_a_joint_distribution_is_one_in_rosenblatts_scores():
+    archive = uqpen.run(
+        uqpen.Study(
+            model=lambda a, b: {"y": a * b},
+            joint={"ab": {"inputs": ["a", "b"], "chaospy": CONDITIONAL}},
+            outputs={"y": "1"},
+            designs={"mc": uqpen.MonteCarlo(runs=300)},
+            surrogates={"pce": uqpen.PolynomialChaos(design="mc", order=2)},
+            seed=1,
+        )
+    )
+    statistics = archive["statistics/pce/y"].dataset
+    # y = ab, of degree 2 in the scores: E y = 0.1 E a², Var y = 0.01 Var a² + 0.04 E a².
+    constant, *others = archive["surrogates/pce/y"]["coefficient"].values
+    assert constant == pytest.approx(0.1 * 101, rel=1e-12)
+    assert sum(np.square(others)) == pytest.approx(0.01 * 402 + 0.04 * 101, rel=1e-12)
+    assert np.isnan(statistics["first_order"]).all(), "the scores' indices are not the inputs'"
+    restored = restore_surrogate(archive["surrogates/pce"], "pce")
+    points = {"a": np.array([9.0, 10.0, 14.0]), "b": np.array([1.2, 0.2, 1.0])}
+    expected = pytest.approx(points["a"] * points["b"], rel=1e-9)
+    assert restored.evaluate(points).outputs["y"] == expected
 
 
 class Batched(SampleDistribution):

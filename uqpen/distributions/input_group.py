@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import importlib
+import json
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar, NoReturn
 
 import numpy as np
+from scipy.special import ndtri
 
 from uqpen.core.arrays import FloatArray, rows_by_weight
 from uqpen.core.errors import ModelError
 from uqpen.core.files import FileSnapshot
 from uqpen.core.units import scale
 from uqpen.distributions.constraints import evaluate_formula
-from uqpen.distributions.distribution import Distribution, UnloadedDistribution
+from uqpen.distributions.distribution import OPEN_INTERVAL, Distribution, UnloadedDistribution
 from uqpen.distributions.frozen import frozen_families, is_chaospy, parse_call
 from uqpen.distributions.univariate import Discrete
 
@@ -135,21 +137,42 @@ class ChaospyJoint(InputGroup):
     joint: Any  # such as ``chaospy.J(…)`` or ``chaospy.MvNormal(…)``
     units: tuple[str, ...]  # unit of the values of each input
     name: str  # its text
+    # Its name and parameters as a study has them; None for an object of a program.
+    declared: Any = None
 
     @property
     def description(self) -> str:
         return f"chaospy {self.name}"
 
     def values(self, unit: FloatArray) -> FloatArray:
-        # Blocks of one size: the last bits of a product of matrices depend on the number of rows.
-        whole = np.full((-(-len(unit) // _ROWS) * _ROWS, len(self.inputs)), 0.5)
-        whole[: len(unit)] = unit
-        blocks = (whole[start : start + _ROWS] for start in range(0, len(whole), _ROWS))
-        mapped = [np.asarray(self.joint.inv(each.T), dtype=np.float64).T for each in blocks]
-        values = np.concatenate(mapped)[: len(unit)]
+        factors, offsets = self._scales
+        return self._in_blocks(self.joint.inv, unit) * factors + offsets
+
+    def normal_scores(self, values: FloatArray) -> FloatArray:
+        """Map values to independent standard normal variables, by Rosenblatt's transformation.
+
+        Parameters
+        ----------
+        values : ndarray, shape (run, input)
+            In SI units.
+        """
+        factors, offsets = self._scales
+        unit = self._in_blocks(self.joint.fwd, (values - offsets) / factors)
+        return np.asarray(ndtri(np.clip(unit, *OPEN_INTERVAL)))
+
+    @property
+    def _scales(self) -> tuple[FloatArray, FloatArray]:
         measures = [scale(each) for each in self.units]
         factors = np.array([measure.factor for measure in measures])
-        return values * factors + np.array([measure.offset for measure in measures])
+        return factors, np.array([measure.offset for measure in measures])
+
+    def _in_blocks(self, map_rows: Callable[[FloatArray], Any], rows: FloatArray) -> FloatArray:
+        """Map rows in blocks of one size: the last bits depend on the number of rows."""
+        whole = np.tile(rows[:1], (-(-len(rows) // _ROWS) * _ROWS, 1))
+        whole[: len(rows)] = rows
+        blocks = (whole[start : start + _ROWS] for start in range(0, len(whole), _ROWS))
+        mapped = [np.asarray(map_rows(each.T), dtype=np.float64).T for each in blocks]
+        return np.concatenate(mapped)[: len(rows)]
 
     def nominal(self) -> tuple[float, ...]:
         middle = self.values(np.full((1, len(self.inputs)), 0.5))
@@ -168,7 +191,8 @@ def chaospy_joint(
     family: Any = getattr(chaospy, name, None)
     if not isinstance(family, type) or not issubclass(family, chaospy.Distribution):
         raise LookupError(name)
-    return _checked(lambda: family(**parameters), name, inputs, units)
+    found = _checked(lambda: family(**parameters), name, inputs, units)
+    return replace(found, declared={"name": name, **parameters})
 
 
 def conditional_joint(
@@ -205,7 +229,27 @@ def conditional_joint(
         f"{family}({', '.join(f'{key}={value}' for key, value in written.items())})"
         for family, written in parts
     )
-    return _checked(lambda: chaospy.J(*made.values()), f"J({shown})", inputs, units)
+    found = _checked(lambda: chaospy.J(*made.values()), f"J({shown})", inputs, units)
+    return replace(found, declared=[{"name": name, **written} for name, written in parts])
+
+
+def joint_text(joint: ChaospyJoint) -> str:
+    """Return the inputs, units, name and parameters of a declared joint distribution as JSON."""
+    content = {"inputs": joint.inputs, "units": joint.units, "chaospy": joint.declared}
+    return json.dumps(content)
+
+
+def joint_from_text(text: str) -> ChaospyJoint:
+    """Return a joint distribution from `joint_text`; ValueError or LookupError if it is none."""
+    content = json.loads(text)
+    inputs, units, declared = tuple(content["inputs"]), tuple(content["units"]), content["chaospy"]
+    if isinstance(declared, list):
+        parts = [(each.pop("name"), each) for each in declared]
+        return conditional_joint(parts, inputs, units)
+    parameters = {key: value for key, value in declared.items() if key != "name"}
+    for value in parameters.values():
+        np.asarray(value, dtype=np.float64)
+    return chaospy_joint(declared["name"], parameters, inputs, units)
 
 
 def _checked(

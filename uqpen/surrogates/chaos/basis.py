@@ -12,8 +12,10 @@ import numpy as np
 from uqpen.core.arrays import Arrays, FloatArray, IntArray
 from uqpen.core.model import Input
 from uqpen.distributions.distribution import Distribution
+from uqpen.distributions.input_group import ChaospyJoint
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.distributions.orthogonal_polynomials import recurrence
+from uqpen.distributions.univariate import Normal
 from uqpen.surrogates.diagnostics import describe
 
 if TYPE_CHECKING:
@@ -144,19 +146,28 @@ class ProductBasis:
 
     # One for each random input, in the order of the joint distribution.
     univariate_bases: tuple[UnivariateBasis, ...]
+    # Joint distributions of some inputs. The polynomials of these are ones in independent standard
+    # normal variables, which follow from the inputs by Rosenblatt's transformation.
+    joints: tuple[ChaospyJoint, ...] = ()
 
     @classmethod
     def from_distribution(
         cls, joint: JointDistribution, degree: int, *, logarithms: bool = True
     ) -> ProductBasis:
         """Build the basis of the random inputs from their distributions; see `univariate_basis`."""
+        joints = tuple(each for each in joint.groups if isinstance(each, ChaospyJoint))
+        joined = {name for each in joints for name in each.inputs}
+        names = [entry.variable.name for entry in joint.random]
+        distributions = (
+            Normal(0.0, 1.0) if name in joined else entry.distribution
+            for name, entry in zip(names, joint.random, strict=True)
+        )
         return cls(
             tuple(
-                univariate_basis(
-                    entry.variable.name, entry.distribution, degree, logarithms=logarithms
-                )
-                for entry in joint.random
-            )
+                univariate_basis(name, distribution, degree, logarithms=logarithms)
+                for name, distribution in zip(names, distributions, strict=True)
+            ),
+            joints,
         )
 
     @property
@@ -225,6 +236,9 @@ class ProductBasis:
 
     def _tables(self, inputs: Arrays, indices: IntArray) -> list[FloatArray]:
         degrees = indices.max(axis=0, initial=0)
+        for joint in self.joints:
+            scores = joint.normal_scores(np.column_stack([inputs[name] for name in joint.inputs]))
+            inputs = {**inputs, **dict(zip(joint.inputs, scores.T, strict=True))}
         return [
             basis.polynomials(inputs[basis.name], int(degree))
             for basis, degree in zip(self.univariate_bases, degrees, strict=True)

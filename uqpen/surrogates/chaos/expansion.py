@@ -17,6 +17,7 @@ from uqpen.core.arrays import Arrays, BoolArray, FloatArray, IntArray
 from uqpen.core.labels import INPUT
 from uqpen.core.model import Input, Model, Output
 from uqpen.core.status import Status
+from uqpen.distributions.input_group import joint_from_text, joint_text
 from uqpen.surrogates.chaos.basis import NestedSums, ProductBasis, UnivariateBasis, nested_sums
 from uqpen.surrogates.diagnostics import describe, description, predictive_q2
 from uqpen.surrogates.fitted_surrogate import (
@@ -293,6 +294,8 @@ class Expansion:
 
 # The ending of the names of variables of the group ``input``.
 _RECURRENCE = "_recurrence"
+# Attribute of the polynomials in an input of a joint distribution: that distribution.
+_ROSENBLATT = "rosenblatt"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -397,10 +400,14 @@ class PolynomialChaosModel(TrainedSurrogate, ClosedForms):
 
     def _input_variables(self, inputs: Mapping[str, Input]) -> dict[str, Any]:
         """Return the polynomials in each random input."""
-        return {
-            f"{basis.name}{_RECURRENCE}": basis.to_variable(inputs[basis.name])
-            for basis in self.basis.univariate_bases
-        }
+        found: dict[str, Any] = {}
+        texts = {name: joint_text(each) for each in self.basis.joints for name in each.inputs}
+        for basis in self.basis.univariate_bases:
+            dims, values, attributes = basis.to_variable(inputs[basis.name])
+            if basis.name in texts:
+                attributes = {**attributes, _ROSENBLATT: texts[basis.name]}
+            found[f"{basis.name}{_RECURRENCE}"] = dims, values, attributes
+        return found
 
     @staticmethod
     def _read_inputs(group: xr.Dataset) -> list[Input]:
@@ -415,11 +422,11 @@ class PolynomialChaosModel(TrainedSurrogate, ClosedForms):
             output: Expansion.from_dataset(output, read_group(tree, output))
             for output in str(tree.attrs["outputs"]).split()
         }
+        variables = {str(each): group[f"{each}{_RECURRENCE}"] for each in group[INPUT].values}
+        texts = (each.attrs.get(_ROSENBLATT) for each in variables.values())
         basis = ProductBasis(
-            tuple(
-                UnivariateBasis.from_variable(each, group[f"{each}{_RECURRENCE}"])
-                for each in map(str, group[INPUT].values)
-            )
+            tuple(UnivariateBasis.from_variable(*each) for each in variables.items()),
+            tuple(joint_from_text(str(text)) for text in dict.fromkeys(filter(None, texts))),
         )
         for output, expansion in expansions.items():
             if not basis.has_terms(expansion.indices):

@@ -14,6 +14,7 @@ from uqpen.core.model import Model, Output
 from uqpen.core.processors import one_blas_thread
 from uqpen.core.settings import choice, choices, count, name, number
 from uqpen.core.streams import Stream
+from uqpen.distributions.input_group import ChaospyJoint
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.surrogates.chaos.basis import ProductBasis
 from uqpen.surrogates.chaos.chaospy_engine import ChaospyExpansion, input_problems
@@ -106,11 +107,19 @@ class PolynomialChaos(Surrogate):
 
     def check_inputs(self, joint: JointDistribution) -> Iterator[Problem]:
         """Yield the inputs that have no polynomials, or that the engine does not know."""
-        if joint.implicit_inputs:
-            found = f"polynomials of {', '.join(joint.implicit_inputs)}"
-            expected = "inputs whose own distributions are known, apart from each other"
+        if unknown := [
+            name
+            for group in joint.groups
+            if not group.marginals and not (isinstance(group, ChaospyJoint) and group.declared)
+            for name in group.inputs
+        ]:
+            found = f"polynomials of {', '.join(unknown)}"
+            expected = "a joint distribution that a study file states, as an archive keeps it"
             yield Problem((), found, expected)
-        if self.engine == _CHAOSPY:
+        if self.engine == _CHAOSPY and joint.implicit_inputs:
+            found = f'"{_CHAOSPY}" with {", ".join(joint.implicit_inputs)} of a joint distribution'
+            yield Problem(("engine",), found, f'engine = "{_UQPEN}", whose polynomials it takes')
+        elif self.engine == _CHAOSPY:
             yield from input_problems(joint, logarithms=not self.needs_quadrature)
 
     @property
