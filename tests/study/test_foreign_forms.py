@@ -80,6 +80,8 @@ def test_a_word_of_other_programs_is_met_with_the_one_here(path, word, here, tmp
         ("U(2, 3) m", '{ uniform = { lower = "2 m", upper = "3 m" } }'),
         ("40 * y", "what follows from other inputs belongs to the model"),
         ({"type": "normal", "mean": "2 m", "std": "1 m"}, "{ normal = { mean = …, std = … } }"),
+        ({"expon": {"scale": 2}}, '{ scipy = { name = "expon", … } }; or known: normal'),
+        ({"exponential": {"mean": "2 m"}}, '{ chaospy = { name = "Exponential", … } }'),
         ("5 Ah", 'did you mean "A h"?'),
     ],
     ids=str,

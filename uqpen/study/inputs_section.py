@@ -446,7 +446,14 @@ def _family(table: TableReader) -> str | None:
     known = dict.fromkeys((*_FAMILIES, *installed_names(DISTRIBUTION, family)))
     if family in known:
         return family
-    table.add_problem(family, "an unknown distribution", choices(family, known))
+    expected = choices(family, known)
+    for library in LIBRARIES:
+        with suppress(ImportError):
+            own = {name.casefold(): name for name in frozen_families(library)}
+            if name := own.get(family.casefold().replace("_", "")):
+                expected = f'{{ {library} = {{ name = "{name}", … }} }}; or {expected}'
+                break
+    table.add_problem(family, "an unknown distribution", expected)
     return None
 
 
