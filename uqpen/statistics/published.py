@@ -130,7 +130,7 @@ class TableComparison(NamedTuple):
 
 
 # Normal vectors by which the largest of several correlated figures is judged.
-_VECTORS = 100_000
+VECTORS = 100_000
 
 
 def compare_moments(
@@ -223,7 +223,7 @@ def _largest_probability(
     np.fill_diagonal(correlation, 1.0)
     values, vectors = np.linalg.eigh(correlation)
     root = vectors * np.sqrt(np.clip(values, 0.0, None))
-    drawn = rng.standard_normal((_VECTORS, len(figures))) @ root.T
+    drawn = rng.standard_normal((VECTORS, len(figures))) @ root.T
     return float((np.abs(drawn).max(axis=1) >= largest).mean())
 
 
