@@ -99,7 +99,7 @@ class TestMessages:
     def test_without_matplotlib(self, archives, monkeypatch):
         monkeypatch.setitem(sys.modules, "matplotlib.style", None)
         assert "cdf" in available(archives["beam"]), "to list them takes no package"
-        with pytest.raises(FigureError, match=r'"pip install uqpen\[figures\]" does it'):
+        with pytest.raises(FigureError, match='"pip install matplotlib" does it'):
             figure(archives["beam"], "cdf")
 
 

@@ -53,7 +53,7 @@ def require_matplotlib() -> Any:
         import matplotlib.style
     except ModuleNotFoundError:
         raise FigureError(
-            'figures take matplotlib, which is not installed; "pip install uqpen[figures]" does it'
+            'figures take matplotlib, which is not installed; "pip install matplotlib" does it'
         ) from None
     return matplotlib
 
