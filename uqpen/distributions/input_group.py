@@ -12,7 +12,7 @@ from functools import cached_property
 from typing import Any, ClassVar, NoReturn
 
 import numpy as np
-from scipy.special import ndtri
+import scipy
 
 from uqpen.core.arrays import FloatArray, rows_by_weight
 from uqpen.core.errors import ModelError
@@ -158,7 +158,7 @@ class ChaospyJoint(InputGroup):
         """
         factors, offsets = self._scales
         unit = self._in_blocks(self.joint.fwd, (values - offsets) / factors)
-        return np.asarray(ndtri(np.clip(unit, *OPEN_INTERVAL)))
+        return np.asarray(scipy.special.ndtri(np.clip(unit, *OPEN_INTERVAL)))
 
     @property
     def _scales(self) -> tuple[FloatArray, FloatArray]:
