@@ -11,8 +11,10 @@ import pytest
 from SALib.analyze import dgsm, fast, ff, pawn, rbd_fast
 
 from uqpen.archive.estimates import interval_text, unpack
+from uqpen.charts.measures import part_charts, salib_charts
 from uqpen.checkpoints.make_archive import make_archive
 from uqpen.core.errors import StudyError
+from uqpen.results.archive_view import ArchiveView
 from uqpen.statistics import texts
 from uqpen.statistics.sensitivity.salib_analyses import call_salib
 from uqpen.study.load import parse_study
@@ -121,6 +123,18 @@ class TestOfGivenRuns:
         first, second, _ = curve.transpose("input", "output_share").values
         assert (first > 3 * second).all()
         assert first[0] > first[2], "extreme values of the output tell most of the input"
+
+    def test_the_page_and_figures_have_a_chart_of_each_and_the_curves(self, tmp_path):
+        analyses = '["salib:rbd_fast", "salib:pawn", { salib = "rsa", bins = 5 }]'
+        view = ArchiveView(run(study(tmp_path, analyses)))
+        charts = list(salib_charts(view, "y"))
+        assert [chart.title for chart in charts] == [
+            "First-order index by RBD-FAST, by SALib",
+            "PAWN index, by SALib",
+        ]
+        (curves,) = part_charts(view, "y")
+        assert [mark.name for mark in curves.marks] == ["x2", "x1", "x3"], "in the page's order"
+        assert "quantile" in curves.summary
 
     def test_delta_alone_has_no_interval_and_no_first_order(self, tmp_path):
         found = statistics(run(study(tmp_path, '["salib:delta"]')))

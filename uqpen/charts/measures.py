@@ -14,6 +14,7 @@ from uqpen.charts.axes import padded_limits
 from uqpen.charts.chart import Axis, Chart, LegendKey
 from uqpen.charts.marks import (
     Dots,
+    Line,
     Rule,
     has_interval,
     interval_notes,
@@ -22,7 +23,7 @@ from uqpen.charts.marks import (
 )
 from uqpen.core.arrays import FloatArray
 from uqpen.core.catalogue import CATALOGUE, MEASURES
-from uqpen.core.labels import CATEGORY, INPUT
+from uqpen.core.labels import BOUND, CATEGORY, INPUT
 from uqpen.core.statistic import Statistic, UnitRule
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.results.archive_view import ArchiveView
@@ -100,6 +101,7 @@ def sensitivity_charts(view: ArchiveView) -> Iterator[Chart]:
         yield from effect_charts(view, output)
     for output in view.numeric_outputs:
         yield from salib_charts(view, output)
+        yield from part_charts(view, output)
 
 
 def response_charts(view: ArchiveView) -> Iterator[Chart]:
@@ -154,6 +156,36 @@ def salib_charts(view: ArchiveView, output: str, tables: Tables = _NO_TABLES) ->
                 title = f"{capitalized(each.measure.chart)}, by SALib"
                 yield _chart(view, output, found, title, (), behind)
                 behind = ()
+
+
+def part_charts(view: ArchiveView, output: str) -> Iterator[Chart]:
+    """Yield the curves of a regional sensitivity analysis: one for each input, by each source."""
+    for each in MEASURES["parts"]:
+        for source, array in view.estimates(output, each.name).items():
+            along = array.dims[0]
+            inputs = list(map(str, array[INPUT].values))
+            curves = {name: array.sel({INPUT: name, BOUND: "estimate"}).values for name in inputs}
+            known = {name: y for name, y in curves.items() if np.isfinite(y).all()}
+            shown = input_order(view, output).sort(list(known))[:_MOST_INPUTS]
+            if not shown:
+                continue
+            labels = [input_label(view, name) for name in shown]
+            first = max(shown, key=lambda name: float(known[name].max()))
+            place = float(array[along].values[known[first].argmax()])
+            yield Chart(
+                title=f"Inputs in parts of the distribution, by SALib's RSA of {source}",
+                summary=f"{input_label(view, first)} differs most from its other values in the "
+                f"runs around the {100 * place:.3g} % quantile.",
+                x=Axis("part of the distribution, by its middle", (0.0, 1.0)),
+                y=Axis("distance of the input's distributions"),
+                marks=tuple(
+                    Line(array[along].values, known[name], number, name=label)
+                    for number, (name, label) in enumerate(zip(shown, labels, strict=True))
+                ),
+                keys=tuple(LegendKey(label, number, "line") for number, label in enumerate(labels)),
+                notes=("The criterion of Cramér and von Mises. It has no interval.",),
+                of=output,
+            )
 
 
 def responses(view: ArchiveView, output: str) -> Iterator[Chart]:

@@ -559,12 +559,14 @@ _STATISTICS = [
         Measure("PAWN", "salib", 81, chart="PAWN index", axis="distance of distributions"),
     ),
     _of_inputs(
-        "salib_pawn_floor", "PAWN index of a permuted input", Measure("PAWN, permuted", "salib", 82)
+        "salib_pawn_floor",
+        "PAWN index of a permuted input",
+        Measure("PAWN, permuted", "salib", 82, "triangle-up"),
     ),
     _of_inputs(
         "salib_delta",
         "moment-independent delta by SALib",
-        Measure("delta by SALib", "salib", 83, chart="delta by SALib", axis="delta"),
+        Measure("delta by SALib", "salib", 83, chart="delta", axis="delta"),
     ),
     _of_inputs(
         "salib_hdmr",

@@ -27,6 +27,7 @@ from uqpen.charts.measures import (
     category_series,
     effect_charts,
     index_charts,
+    part_charts,
     responses,
     salib_charts,
 )
@@ -208,7 +209,7 @@ def _measure_blocks(view: ArchiveView, output: str) -> Iterator[Block]:
     for name, table in named_tables(view.statistics, output, view.unit(output), everything=True):
         tables.setdefault(name, []).append(table)
     charts = [*index_charts(view, output, tables), *effect_charts(view, output, tables)]
-    charts += salib_charts(view, output, tables)
+    charts += [*salib_charts(view, output, tables), *part_charts(view, output)]
     yield from charts
     if changes := tuple(responses(view, output)):
         yield Charts(changes, tables=tuple(tables.pop("responses", ())))
