@@ -60,6 +60,7 @@ class TestExactAnswers:
             ("min", 0.0),
             ("idxmax", 2.0),
             ("idxmin", 0.0),
+            ("idxlast", 4.0),
             ("first", 0.0),
             ("last", 0.0),
             ("total_variation", 8.0),
@@ -111,6 +112,7 @@ class TestProperties:
         change = np.abs(found["last"] - found["first"])
         assert (found["total_variation"] + rounding >= change).all()
         length = np.array(TIME)[ends - 1]
+        assert np.array_equal(found["idxlast"], length)
         assert found["integral"] == pytest.approx(found["mean"] * length, abs=4 * rounding)
         for name in ("idxmax", "idxmin", "first_above", "first_below"):
             assert (np.isnan(found[name]) | (found[name] <= length)).all()

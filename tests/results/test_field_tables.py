@@ -160,6 +160,28 @@ def test_a_curve_has_a_table_at_five_places(tmp_path):
     assert f"\nall statistics at any place:\n  {command}\n" in shown
 
 
+def test_where_curves_end_the_share_that_gets_there_stands_beside_statistics(tmp_path):
+    # Twelve of the fifty runs of equal chance reach the last day, those of the highest curves.
+    code = (
+        "def simulate(x):\n"
+        "    return {'z': [x + 1 if time <= 5 or x > 0.75 else None for time in range(11)]}\n"
+    )
+    (tmp_path / "curve.py").write_text(code.replace("None", "float('nan')"))
+    text = CURVE.replace('along = ["time"]', 'along = ["time"], may_end = true')
+    tree = uqpen.run(uqpen.parse_study(text, folder=tmp_path))
+    share = float(tree["statistics/mc/z"]["reached"].values[-1, 0])
+    assert 0.1 < share < 0.4
+    (table,) = curve_tables(tree)
+    assert table.columns == ["P(reached)", "mean", "5 % quantile", "median", "95 % quantile"]
+    assert [cells[0].split()[0] for _, cells in table.rows][:3] == ["1.000"] * 3
+    last = tree["statistics/mc/z"]["reached"].values[-1]
+    assert table.rows[-1][1][0].startswith(estimate_text(*last.tolist()))
+    (line,) = field_lines(tree)
+    reached = f"(the {100 * share:.2g} % of the curves that get there)"
+    assert f"at time = 6 day {reached}, sd at most" in line
+    assert f"time\u00a0=\u00a06\u00a0day {reached}: " in report_page(tree)
+
+
 def test_a_field_with_several_dimensions_has_no_table_of_places(mixed):
     assert [*curve_tables(mixed)] == []
     assert place_option(mixed).endswith('--output sheet --at "time=4 day" --at "level=2"')

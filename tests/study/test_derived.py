@@ -78,6 +78,7 @@ class TestRead:
         [
             ('time_of = "max"', "time of the largest infected"),
             ('take = "idxmin"', "time of the smallest infected"),
+            ('time_of = "last"', "last time of infected"),
             ('at = { time = "10 day" }', "infected at time = 10 day"),
             ('take = "integral"\nunit = "hour"', "integral of infected over time"),
             ('take = "first_above"\nthreshold = 30', "first time of infected above 30"),
@@ -124,18 +125,21 @@ class TestRefused:
             (
                 'of = "infected"\ntake = "maximum"',
                 'outputs.found.take: "maximum"; something to take; did you mean "max"? known: '
-                "max, min, mean, integral, first, last, idxmax, idxmin, first_above, first_below, "
-                "total_variation",
+                "max, min, mean, integral, first, last, idxmax, idxmin, idxlast, first_above, "
+                "first_below, total_variation",
             ),
             (
                 'of = "infected"\ntim_of = "max"',
                 "outputs.found.tim_of: an unknown dimension; "
                 'did you mean "time_of"? known: time_of',
             ),
-            ('of = "infected"\ntime_of = "last"', 'outputs.found.time_of: "last"; one of max, min'),
+            (
+                'of = "infected"\ntime_of = "least"',
+                'outputs.found.time_of: "least"; one of max, min, last',
+            ),
             (
                 'of = "infected"\ntime_of = ["max"]',
-                "outputs.found.time_of: a list; one of max, min",
+                "outputs.found.time_of: a list; one of max, min, last",
             ),
             (
                 'of = ["infected"]\ntake = "max"',

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 import uqpen
 from uqpen.core.model import Dimension, Output
-from uqpen.study.summary import output_rows
+from uqpen.study.summary import output_rows, unfitted_lines
 
 MODEL = """\
 import numpy as np
@@ -228,6 +228,14 @@ class TestMistakes:
         assert problems(ending, folder) == [
             "surrogates.pce: found a surrogate of infected, recovered, whose curves may end; "
             "expected an output with numbers that are always there"
+        ]
+
+    def test_what_a_surrogate_will_not_fit_is_said_before_any_run(self, folder):
+        surrogate = '[surrogates.pce]\nkind = "polynomial-chaos"\ndesign = "mc"\n'
+        early = '[outputs.early]\nof = "infected"\ntake = "first_below"\nthreshold = 0.5\n'
+        assert list(unfitted_lines(parsed(STUDY + early + surrogate, folder))) == [
+            "pce does not fit recovered: its curves may end",
+            "pce fits early only if no run lacks it, as where infected never falls below 0.5",
         ]
 
     def test_models_with_other_coordinates(self, folder):

@@ -445,10 +445,13 @@ def _median_chart(view: ArchiveView, by_model: dict[int, CurveEstimates]) -> Cha
 def _ends_sentence(curve: CurveEstimates) -> str:
     by = curve.view.model or curve.source
     known = curve.entries("quantile")[_MEDIAN][:, 0]
-    known = known[np.isfinite(known)]
-    if not known.size:
+    there = np.flatnonzero(np.isfinite(known))
+    if not there.size:
         return f"By {by}, no run has a value."
-    return f"By {by}, the median goes from {number_text(known[0])} to {number_text(known[-1])}."
+    place = (int(curve.positions[there[-1]]),)
+    reached = curve.view.statistics.reached_text(curve.source, curve.output, place)
+    first, last = (number_text(known[at]) for at in there[[0, -1]])
+    return f"By {by}, the median goes from {first} to {last}{reached}."
 
 
 # Indices of an output along the places of its curve: label, source and array, which has the

@@ -41,6 +41,7 @@ def check(file: Path, is_tried: bool) -> ExitCode:
             runs_text,
             section_lines,
             surrogate_rows,
+            unfitted_lines,
         )
 
     study = load_study(file)
@@ -63,6 +64,8 @@ def check(file: Path, is_tried: bool) -> ExitCode:
     if study.surrogates:
         console.print()
         console.print(plain_table(["surrogate", "fitted to", "checked by"], surrogate_rows(study)))
+        for line in unfitted_lines(study):
+            console.print(printable(line), markup=False)
     console.print(f"\n{runs_text(study)} in all; the study is right", markup=False)
     # Lines that `uqpen init` has left to its reader.
     if count := sum(f"# {FILL_IN}:" in line for line in study.text.splitlines()):

@@ -705,6 +705,7 @@ CATALOGUE = _by_name(_STATISTICS)
 
 # Those that every numeric output has, for what states them first.
 MEAN, STD, QUANTILE = CATALOGUE["mean"], CATALOGUE["std"], CATALOGUE["quantile"]
+REACHED = CATALOGUE["reached"]
 
 # Statistics of a design's runs as a whole, of no output in particular.
 FAILURE_STATISTICS = _by_name(_FAILURE_STATISTICS)

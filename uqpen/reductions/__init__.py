@@ -18,6 +18,7 @@ REDUCTIONS = {
     "at": "uqpen.reductions.of_fields:At",
     "idxmax": "uqpen.reductions.of_fields:PlaceOfMaximum",
     "idxmin": "uqpen.reductions.of_fields:PlaceOfMinimum",
+    "idxlast": "uqpen.reductions.of_fields:PlaceOfLast",
     "first_above": "uqpen.reductions.of_curves:FirstAbove",
     "first_below": "uqpen.reductions.of_curves:FirstBelow",
     "total_variation": "uqpen.reductions.of_curves:TotalVariation",

@@ -53,6 +53,17 @@ class PlaceOfMaximum(CoordinateReduction):
 
 
 @dataclass(frozen=True)
+class PlaceOfLast(CoordinateReduction):
+    """Last coordinate that a curve reaches."""
+
+    def title(self, field: Output) -> str:
+        return f"last {along(field)} of {field.title}"
+
+    def reduce(self, values: FloatArray, field: Output) -> FloatArray:
+        return np.array(field.dims[0].values)[np.isfinite(values).sum(axis=1) - 1]
+
+
+@dataclass(frozen=True)
 class PlaceOfMinimum(CoordinateReduction):
     """Coordinate of the smallest value of a curve, the first of several."""
 

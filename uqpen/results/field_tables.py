@@ -14,12 +14,12 @@ from uqpen.archive.fields import coordinate_text, field_dimensions
 from uqpen.archive.groups import GROUPS, group_place, model_trees
 from uqpen.archive.read import read_group
 from uqpen.core.arrays import FloatArray, IntArray, evenly_spread
-from uqpen.core.catalogue import CATALOGUE, MEAN, QUANTILE, STD
+from uqpen.core.catalogue import CATALOGUE, MEAN, QUANTILE, REACHED, STD
 from uqpen.core.errors import QuantityError, UnknownNameError, toml_text
 from uqpen.core.labels import BOUND, DERIVED_FROM, LEFT_OUT_PLACES, RUNS
 from uqpen.core.lookup import choices
 from uqpen.core.quantities import parse_quantity
-from uqpen.core.units import scale
+from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import estimate_text, number_text
 from uqpen.results.source_statistics import SourceStatistics
@@ -44,13 +44,12 @@ _MOST_CURVES = 3
 _LEVELS = (0.05, 0.5, 0.95)
 
 
-def _fields(statistics: SourceStatistics) -> Iterator[tuple[str, str, str, xr.DataArray | None]]:
-    """Yield each field, its dimensions in words, the first source of its mean, and this mean."""
+def _fields(statistics: SourceStatistics) -> Iterator[tuple[str, str, str]]:
+    """Yield each field, its dimensions in words, and the first source of its mean."""
     runs = statistics.runs
     for output in statistics.fields:
         extent = ", ".join(_extent_text(runs[each]) for each in field_dimensions(runs[output]))
-        source, mean = next(iter(statistics.by_source(output, MEAN.name).items()), ("", None))
-        yield output, extent, source, mean
+        yield output, extent, next(iter(statistics.by_source(output, MEAN.name)), "")
 
 
 def _extent_text(coordinate: xr.DataArray) -> str:
@@ -61,18 +60,22 @@ def _extent_text(coordinate: xr.DataArray) -> str:
     return f"{label} from {number_text(first, 6)} to {number_text(last, 6)} ({coordinate.size})"
 
 
-def _ends(array: xr.DataArray | None) -> list[tuple[xr.DataArray, str]]:
+def _ends(
+    statistics: SourceStatistics, source: str, output: str, statistic: str
+) -> list[tuple[xr.DataArray, str]]:
     """Return the smallest and the largest estimate, each with its place; nothing without any."""
+    array = statistics.get(source, output, statistic)
     if array is None or not np.isfinite(array.values[..., 0]).any():
         return []
     estimates, found = array.values[..., 0], []
     for position in (np.nanargmin(estimates), np.nanargmax(estimates)):
-        index = np.unravel_index(position, estimates.shape)
+        index = tuple(map(int, np.unravel_index(position, estimates.shape)))
         places = (
             coordinate_text(array[dim], array[dim].values[at], 6)
             for dim, at in zip(array.dims, index, strict=False)
         )
-        found.append((array[index], ", ".join(places)))
+        reached = statistics.reached_text(source, output, index)
+        found.append((array[index], f"{', '.join(places)}{reached}"))
     return found
 
 
@@ -88,7 +91,7 @@ def field_lines(tree: xr.DataTree) -> Iterator[str]:
     """
     for head, model in headed_models(tree).items():
         statistics = SourceStatistics(model)
-        for output, extent, source, _ in _fields(statistics):
+        for output, extent, source in _fields(statistics):
             text = _range_text(statistics, output, source)
             yield f"{head}{statistics.label(output)}: along {extent}{text}"
         yield from (f"{head}{line}" for line in derived_lines(model))
@@ -99,7 +102,7 @@ def _range_text(statistics: SourceStatistics, output: str, source: str) -> str:
     texts = []
     for statistic in (MEAN, STD):
         convert = conversion(statistic, scale(statistics.unit(output)))
-        ends = _ends(statistics.get(source, output, statistic.name))
+        ends = _ends(statistics, source, output, statistic.name)
         texts.append(
             [f"{estimate_text(*shown_bounds(each, convert))} at {place}" for each, place in ends]
         )
@@ -131,11 +134,14 @@ def field_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
     for head, model in headed_models(tree).items():
         statistics = SourceStatistics(model)
         tables: dict[str, OutputTable] = {}
-        for name, extent, source, mean in _fields(statistics):
+        for name, extent, source in _fields(statistics):
             title = f"{head}along {extent}{f'; mean by {source}' if source else ''}"
             table = tables.setdefault(title, OutputTable(title, ["smallest mean", "largest mean"]))
             convert = conversion(MEAN, scale(statistics.unit(name)))
-            cells = [table.cell(entry, convert) for entry, _ in _ends(mean)]
+            cells = [
+                table.cell(entry, convert)
+                for entry, _ in _ends(statistics, source, name, MEAN.name)
+            ]
             table.rows.append((statistics.label(name), cells or [NOTHING, NOTHING]))
         yield from tables.values()
 
@@ -143,8 +149,9 @@ def field_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
 def curve_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
     """Yield a table for each of the first curves of each model, at five places from end to end.
 
-    A row is a place, the columns are the mean and quantiles from the first source of a mean. A
-    field with several dimensions has no table.
+    A row is a place, the columns are the mean and quantiles from the first source of a mean. Where
+    curves end, the first column is the share of them that gets there. A field with several
+    dimensions has no table.
     """
     for head, model in headed_models(tree).items():
         statistics = SourceStatistics(model)
@@ -159,16 +166,23 @@ def curve_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
 def _curve_table(head: str, statistics: SourceStatistics, output: str, source: str) -> OutputTable:
     (dimension,) = field_dimensions(statistics.runs[output])
     coordinate = statistics.runs[dimension]
-    convert = conversion(MEAN, scale(statistics.unit(output)))
+    shown = conversion(MEAN, scale(statistics.unit(output)))
     quantiles = statistics.entries(source, output, QUANTILE.name)
     columns = {MEAN.shown.label: statistics.by_source(output, MEAN.name)[source]}
     columns |= {quantile_label(each): quantiles[each] for each in _LEVELS if each in quantiles}
     columns = {label: array for label, array in columns.items() if dimension in array.dims}
+    reached = statistics.get(source, output, REACHED.name)
+    if reached is not None and (reached.values[..., 0] < 1).any():
+        columns = {REACHED.shown.label: reached, **columns}
+    converted = {REACHED.shown.label: conversion(REACHED, scale(DIMENSIONLESS))}
     title = f"{head}{statistics.label(output)} along {dimension}, by {source}"
     table = OutputTable(title, list(columns))
     last = coordinate.size - 1
     for position in dict.fromkeys(last * quarter // 4 for quarter in range(5)):
-        cells = [table.cell(array[{dimension: position}], convert) for array in columns.values()]
+        cells = [
+            table.cell(array[{dimension: position}], converted.get(label, shown))
+            for label, array in columns.items()
+        ]
         place = coordinate_text(coordinate, coordinate.values[position], digits=4)
         table.rows.append((place, cells))
     return table

@@ -121,6 +121,12 @@ class SourceStatistics:
         place = cut_text(self.runs[output])
         return label_with_unit(f"{output} at {place}" if place else output, self.unit(output))
 
+    def reached_text(self, source: str, output: str, place: tuple[int, ...]) -> str:
+        """Return which curves get to a place, given by its positions; empty where all do."""
+        found = self.get(source, output, "reached")
+        share = 1.0 if found is None else float(found.values[..., 0][place])
+        return f" (the {100 * share:.2g} % of the curves that get there)" if share < 1 else ""
+
     @property
     def node(self) -> xr.DataTree | None:
         """The group whose children are the sources; None where there is none."""

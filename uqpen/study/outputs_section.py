@@ -50,7 +50,7 @@ from uqpen.study.table_reader import (
 _OF, _TAKE, _AT = "of", "take", "at"
 # A key with the name of a dimension, ``time_of``, and the reductions by its values.
 _PLACE_OF = "_of"
-_PLACES = {"max": "idxmax", "min": "idxmin"}
+_PLACES = {"max": "idxmax", "min": "idxmin", "last": "idxlast"}
 _EXAMPLE = '{ time = "10 day" }'
 
 

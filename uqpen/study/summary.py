@@ -90,6 +90,24 @@ def surrogate_rows(study: ValidatedStudy) -> Rows:
     ]
 
 
+def unfitted_lines(study: ValidatedStudy) -> Iterator[str]:
+    """Yield the outputs that a surrogate will not fit, or not in every case, with the reasons."""
+    for name in study.surrogates:
+        outputs: dict[str, list[str]] = {}
+        for output in study.model.all_outputs:
+            if output.categories:
+                text = "does not fit {}: it has kinds, not numbers"
+            elif output.absent:
+                text = f"fits {{}} only if no run lacks it, as where {output.absent}"
+            elif output.may_end:
+                text = "does not fit {}: its curves may end"
+            else:
+                continue
+            outputs.setdefault(text, []).append(output.name)
+        for text, found in outputs.items():
+            yield f"{name} {text.format(', '.join(found))}"
+
+
 def section_lines(study: ValidatedStudy) -> Iterator[str]:
     """Yield what sections state in a line each: limits, treatment of failed runs, constraints."""
     for section in sorted(SECTIONS.values(), key=lambda each: each.rank):

@@ -170,7 +170,8 @@ def _sentence(view: ArchiveView, field: str, design: str) -> str:
     estimates = array.values[..., 0]
     if not np.isfinite(estimates).any():
         return ""
-    index = np.unravel_index(int(np.nanargmax(estimates)), estimates.shape)
+    position = np.unravel_index(int(np.nanargmax(estimates)), estimates.shape)
+    index = tuple(map(int, position))
     quantity = QuotedStatistic(view, field, CATALOGUE[statistic])
     value, interval = quantity.texts(array[index])[0], quantity.interval(array[index])
     if statistic == "mean_band":
@@ -180,5 +181,5 @@ def _sentence(view: ArchiveView, field: str, design: str) -> str:
         coordinate_text(array[dim], array[dim].values[at], 6)
         for dim, at in zip(array.dims, index, strict=False)
     )
-    place = no_break(", ".join(places))
+    place = no_break(", ".join(places)) + view.statistics.reached_text(design, field, index)
     return f"The mean of {output_name(view, field)} is largest at {place}: {value} {interval}."
