@@ -126,7 +126,7 @@ class TestOfGivenRuns:
 
     def test_the_page_and_figures_have_a_chart_of_each_and_the_curves(self, tmp_path):
         analyses = '["salib:rbd_fast", "salib:pawn", { salib = "rsa", bins = 5 }]'
-        view = ArchiveView(run(study(tmp_path, analyses)))
+        view = ArchiveView(run(study(tmp_path, analyses)), "")
         charts = list(salib_charts(view, "y"))
         assert [chart.title for chart in charts] == [
             "First-order index by RBD-FAST, by SALib",
