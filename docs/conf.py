@@ -15,6 +15,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 import gallery
 import reference_pages
 
+sys.path.pop(0)  # the folder coverage would be numba's module of this name
+
 project = "uqpen"
 version = release = uqpen.__version__
 extensions = ["myst_nb", "sphinx.ext.autodoc", "numpydoc", "sphinx_copybutton"]
@@ -22,7 +24,9 @@ source_suffix = {".md": "myst-nb", ".rst": "restructuredtext"}
 # One page is a notebook and executed. Blocks of code on other pages are run by the tests
 # (tests/test_documentation.py), not by the build.
 nb_execution_mode = "force"
+nb_execution_in_temp = True  # what a notebook writes
 nb_execution_raise_on_error = True
+nb_render_error_lexer = "text"  # a mistake is a message, not a traceback
 # Links to a heading have the form that GitHub gives them.
 myst_heading_anchors = 4
 

@@ -108,8 +108,12 @@ def test_no_study_with_fewer_runs_is_out_of_date():
     assert all(any(many in block.text for block in _of("python")) for many in FEWER)
 
 
+# Tutorials run as a whole, with the programs that they need, in a test of their own.
+NO_TUTORIALS = [page for page in PAGES if page.parent.name != "tutorials"]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", NO_TUTORIALS, ids=lambda page: page.name)
 def test_its_python_runs(page, folder, concrete, monkeypatch):
     """The blocks of a page in their order; those with prompts have a test of their own."""
     blocks = [block for block in _of("python") if block.page == page and ">>>" not in block.text]
@@ -139,7 +143,9 @@ def test_python_that_is_not_run_parses():
 @pytest.mark.parametrize("block", _of("toml"), ids=str)
 def test_its_toml_parses_and_a_whole_study_is_one(block, tmp_path):
     content = tomllib.loads(block.text)
-    if {"seed", "model", "inputs", "designs"} <= content.keys() and not block.reason:
+    if {"seed", "model", "inputs", "designs"} <= content.keys() and not (
+        block.reason or block.page not in NO_TUTORIALS
+    ):
         for other in BLOCKS:
             if other.page == block.page and other.file:
                 (tmp_path / other.file).write_text(other.text, encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Tasks of ``docs/how_to.md`` and tutorials work as printed, each in an empty folder."""
+"""Tasks of ``docs/how_to.md`` work as printed, each in an empty folder."""
 
 import os
 import re
@@ -19,7 +19,6 @@ from uqpen.core.lookup import resolve
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="programs run on POSIX only")
 
 PAGE = ROOT / "docs" / "how_to.md"
-TUTORIALS = ROOT / "docs" / "tutorials"
 TEXT = PAGE.read_text(encoding="utf-8")
 SECTIONS = dict(re.findall(r"^## (.+)\n([\s\S]+?)(?=^## |\Z)", TEXT, re.MULTILINE))
 IN_A_NOTEBOOK = "How do I do this in a notebook?"
@@ -122,13 +121,6 @@ def test_it_works_as_printed(title, command_line, tmp_path):
     skip_without_program(SECTIONS[title])
     write_linked_files(SECTIONS[title], tmp_path)
     run_as_printed(section(title), tmp_path, command_line)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["own_function", "program", "runs_in_a_file"])
-def test_a_tutorial_ends_at_a_page_of_ones_own_model(name, command_line, tmp_path):
-    run_as_printed(blocks_of(TUTORIALS / f"{name}.md"), tmp_path, command_line)
-    assert (tmp_path / "archives" / "beam.html").stat().st_size > 100_000
 
 
 @pytest.mark.slow

@@ -48,9 +48,9 @@ def show_answer(tree: xr.DataTree, archive: Path) -> None:
         for line in lines:
             # Spaces at which no line ends have done their work.
             console.print(Text(screen_text(line.replace("\u00a0", " "))), soft_wrap=True)
-    more = f" ({omitted} more of these, too)" if omitted else ""
+    more = f" and {omitted} more line{'s' * (omitted > 1)} of results" if omitted else ""
     command = shlex.join(["uqpen", "show", str(archive)])
-    console.print(Text(screen_text(f"tables: {command}{more}")), soft_wrap=True)
+    console.print(Text(screen_text(f"tables{more}: {command}")), soft_wrap=True)
 
 
 def show_tables(tree: xr.DataTree, *, everything: bool = False) -> None:

@@ -11,7 +11,7 @@ import xarray as xr
 from uqpen.charts.marks import has_interval
 from uqpen.report.blocks import Finding, Text
 from uqpen.report.sections.answer import answer, caveat_text, model_form_texts
-from uqpen.report.sections.failures import missing_run_sentences
+from uqpen.report.sections.failures import missing_count, missing_run_sentences
 from uqpen.report.sections.findings import SCOPE, alerts
 from uqpen.report.sections.sentences import (
     QuotedStatistic,
@@ -72,15 +72,21 @@ def summary_lines(tree: xr.DataTree) -> Iterator[str]:
     if caveat := caveat_text(view, main, design):
         yield caveat
     quantities = () if view.model else tuple(_quantities(view, main, design))
+    # What to mind speaks of failed runs.
+    yield from (_count_line(each, design) for each in views if missing_count(each, design))
     for alert in alerts(view, design, quantities):
         # What holds of every archive stands on its page.
         if alert.about != SCOPE:
             yield f"mind: {alert.text}"
     for lines in by_output:
         yield from lines[1:]
-    for each in views:
-        head = f"{each.model}: " if view.model else ""
-        yield head + next(missing_run_sentences(each, design))
+    yield from (_count_line(each, design) for each in views if not missing_count(each, design))
+
+
+def _count_line(view: ArchiveView, design: str) -> str:
+    """Return how many runs failed, or that all completed."""
+    head = f"{view.model}: " if view.model else ""
+    return head + next(missing_run_sentences(view, design))
 
 
 def _finding_line(finding: Finding) -> str:
