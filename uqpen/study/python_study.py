@@ -588,7 +588,7 @@ class Study(ValidatedStudy):
         As the tables of these names in a study file.
     constraints : sequence of str
         Conditions that every point meets, such as ``"a > 2 * b"``.
-    analyses : sequence of str
+    analyses : sequence of str or mapping
         References to functions that compute further statistics.
     confidence_level : float, optional
         Confidence level of all intervals; 0.95 by default.
@@ -633,7 +633,7 @@ class Study(ValidatedStudy):
         name: str = "study",
         models: Mapping[str, object] | None = None,
         constraints: Sequence[str] = (),
-        analyses: Sequence[str] = (),
+        analyses: Sequence[str | Mapping[str, Any]] = (),
         confidence_level: float | None = None,
         budget: int | None = None,
         sensitivity: bool = True,
