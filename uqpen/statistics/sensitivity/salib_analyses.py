@@ -87,6 +87,11 @@ def call_salib(
     return found[0]
 
 
+def _stated(array: xr.DataArray) -> xr.DataArray:
+    """Return an estimate array with the version of SALib that made it."""
+    return array.assign_attrs(software=f"SALib {package_version('SALib')}")
+
+
 def _problem(points: FloatArray) -> dict[str, Any]:
     """Return SALib's description of inputs, whose names do not matter to it."""
     ends = zip(points.min(axis=0).tolist(), points.max(axis=0).tolist(), strict=True)
@@ -144,19 +149,16 @@ class SalibAnalysis(ABC):
             if sample.dependence:
                 meaning = f"{meaning}, {texts.INCLUDES_CORRELATION}"
             along = {**self.along, **input_coordinate(sample.inputs)}
-            stacked = Estimate.stacked(every)
-            yield (
-                name,
-                stacked.to_array(
-                    *along, units="1", long_name=meaning, coordinates=along, level=sample.level
-                ),
+            array = Estimate.stacked(every).to_array(
+                *along, units="1", long_name=meaning, coordinates=along, level=sample.level
             )
+            yield name, _stated(array)
         for name in self.of_all_inputs:
             whole = Estimate.without_bounds(math.nan, absent)
             if not isinstance(found, str):
                 (whole,) = found[name]
             title = CATALOGUE[name].title
-            yield name, whole.to_array(units="1", long_name=title, level=sample.level)
+            yield name, _stated(whole.to_array(units="1", long_name=title, level=sample.level))
 
     statistics: ClassVar[tuple[str, ...]]
     """Its statistics along the inputs, by their names in the catalogue."""
@@ -413,8 +415,14 @@ def search_curves(runs: xr.Dataset, quantity: QuantityOfInterest) -> Statistics:
         for estimates, key in ((first, "S1"), (total, "ST")):
             estimates.append(_single(made, key, texts.ONE_CURVE))
     title = quantity.output.title
-    yield "salib_fast_first", input_array(first, [*inputs], f"first-order index of {title} by FAST")
-    yield "salib_fast_total", input_array(total, [*inputs], f"total index of {title} by FAST")
+    yield (
+        "salib_fast_first",
+        _stated(input_array(first, [*inputs], f"first-order index of {title} by FAST")),
+    )
+    yield (
+        "salib_fast_total",
+        _stated(input_array(total, [*inputs], f"total index of {title} by FAST")),
+    )
 
 
 def derivatives(runs: xr.Dataset, quantity: QuantityOfInterest) -> Statistics:
@@ -450,7 +458,7 @@ def derivatives(runs: xr.Dataset, quantity: QuantityOfInterest) -> Statistics:
         made = call_salib("dgsm", *arguments, keys=("dgsm",), num_resamples=2, seed=1)
         estimates.append(_single(made, "dgsm", texts.DGSM_INTERVAL).with_note(note))
     long_name = f"derivative-based measure of {quantity.output.title} (DGSM)"
-    yield "salib_dgsm", input_array(estimates, [*inputs], long_name)
+    yield "salib_dgsm", _stated(input_array(estimates, [*inputs], long_name))
 
 
 def two_levels(runs: xr.Dataset, quantity: QuantityOfInterest) -> Statistics:
@@ -485,4 +493,4 @@ def two_levels(runs: xr.Dataset, quantity: QuantityOfInterest) -> Statistics:
         ]
     long_name = f"half change of {quantity.output.title} between two levels"
     units = quantity.output.unit
-    yield "salib_ff", input_array(estimates, [*inputs], long_name, units=units)
+    yield "salib_ff", _stated(input_array(estimates, [*inputs], long_name, units=units))
