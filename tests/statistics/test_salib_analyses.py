@@ -153,6 +153,13 @@ class TestOfGivenRuns:
         assert array.sel(bound="estimate").values == pytest.approx(own["S1"])
         assert array.attrs["runs_used"] == is_used.sum() < 500
 
+    def test_constraints_may_make_inputs_depend_on_each_other(self, tmp_path):
+        constraints = '[constraints]\nkeep = ["x1 > x2"]\n'
+        archive = run(study(tmp_path, '["salib:rbd_fast", "salib:pawn"]', rest=constraints))
+        found = statistics(archive)
+        assert set(estimate_of(found, "salib_rbd_fast")["note"].values) == {texts.SALIB_CUT}
+        assert texts.SALIB_CUT not in estimate_of(found, "salib_pawn")["note"].values
+
     @pytest.mark.parametrize(
         ("formula", "runs", "reason"),
         [("0 * x1 + 1", 500, "does not vary"), (ISHIGAMI, 50, "runs")],
@@ -297,7 +304,7 @@ class TestDesigns:
         index = found["salib_fast_first"].sel(bound="estimate").values
         assert np.isnan(index[0])
         note = str(estimate_of(found, "salib_fast_first")["note"].values[0])
-        assert "of the 129 runs of its curve failed" in note
+        assert "of the 129 runs of its curve gave no value" in note
 
     def test_squared_derivatives_are_those_of_salib_in_units_of_the_deviations(self, tmp_path):
         archive = run(study(tmp_path, "[]", STEPS))
@@ -333,7 +340,7 @@ class TestDesigns:
         lossy = "np.where((x1 > 0) & (x2 > 0) & (x3 > 0), np.nan, x1)"
         found = statistics(run(study(tmp_path, "[]", TWO, formula=lossy)), "two")
         assert np.isnan(found["salib_ff"]).all()
-        assert "1 of 8 runs failed" in str(estimate_of(found, "salib_ff")["note"].values[0])
+        assert "1 of 8 runs gave no value" in str(estimate_of(found, "salib_ff")["note"].values[0])
 
     @pytest.mark.parametrize(
         ("design", "found", "expected"),

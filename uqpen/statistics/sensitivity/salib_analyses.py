@@ -140,11 +140,14 @@ class SalibAnalysis(ABC):
             found = self.estimate(points, np.array(sample.values), sample.level)
         absent = found if isinstance(found, str) else next(filter(None, reasons), "")
         empty = np.full([len(each) for each in self.along.values()], math.nan)
+        is_cut = sample.size + sample.missing.size < len(sample.points)
+        is_cut = is_cut and bool(self.independence_reason)
         for name in self.statistics:
             every = [Estimate.without_bounds(empty, reason or absent) for reason in reasons]
             if not isinstance(found, str):
                 for column, each in zip(used, found[name], strict=True):
                     every[column] = each
+            every = [each.with_note(texts.SALIB_CUT * is_cut) for each in every]
             meaning = f"{CATALOGUE[name].title}, of {quantity.output.title}"
             if sample.dependence:
                 meaning = f"{meaning}, {texts.INCLUDES_CORRELATION}"
