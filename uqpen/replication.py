@@ -22,6 +22,7 @@ from uqpen.distributions.orthogonal_polynomials import recurrence
 from uqpen.execution import Map, Progress
 from uqpen.statistics.published import (
     Publication,
+    Reading,
     TableComparison,
     compare_moments,
     independent_runs,
@@ -92,6 +93,14 @@ class Replication:
     source: str
     stated: ReadingResult
     readings: tuple[ReadingResult, ...]
+    published_runs: int | None = None
+
+    @property
+    def has_few_runs(self) -> bool:
+        """True if the runs are fewer than ten times those of the publication."""
+        return (
+            self.published_runs is not None and self.stated.moments.runs < 9 * self.published_runs
+        )
 
     @property
     def chance_agreements(self) -> float:
@@ -115,6 +124,7 @@ def replicate(
     path: Path,
     publication: str = "",
     *,
+    runs: int | None = None,
     folder: Path | None = None,
     trust: bool = False,
     map: Map = map,
@@ -135,6 +145,9 @@ def replicate(
         beside it, and are taken again by the next call.
     publication : str
         Name of the publication; empty for the only one.
+    runs : int, optional
+        Number of independent runs of the study and of each reading; by default those of the
+        archive. With heavy tails, ten times the number of the publication are needed.
     folder : Path, optional
         Folder with the files that the study names; by default the archived files.
     trust : bool
@@ -162,8 +175,8 @@ def replicate(
         def result(
             label: str, note: str, own: xr.DataTree, read_as: ValidatedStudy, lost: Any
         ) -> ReadingResult:
-            runs = {each: read_group(own, RUNS, each) for each in group_names(own, RUNS)}
-            sample = independent_runs(runs)
+            made = {each: read_group(own, RUNS, each) for each in group_names(own, RUNS)}
+            sample = independent_runs(made)
             if sample is None:
                 raise ArchiveError(f"{path}: has no design of independent runs (monte-carlo)")
             moments = compare_moments(figures, sample, rng(), lost)
@@ -172,18 +185,24 @@ def replicate(
                 label, note, moments, responses, tuple(_uncertainties(figures, read_as))
             )
 
+        def run(label: str, changed: ValidatedStudy) -> xr.DataTree:
+            place = path.with_name(f"{path.stem}_{name}_{label}.nc")
+            made = make_archive(changed, place, map=map, progress=progress or Progress())
+            return next(iter(model_trees(made).values()))
+
+        if runs is not None:
+            study = reading_study(study, Reading("", {}, {}), runs)
+            first = run("stated", study)
         stated = result("", "as stated", first, study, {})
         is_done = not stated.is_rejected and stated.same_responses == len(stated.responses)
         found: list[ReadingResult] = []
         for label, reading in {} if is_done else figures.readings.items():
             own, changed = first, study
             if reading.changes:
-                changed = reading_study(study, reading)
-                place = path.with_name(f"{path.stem}_{name}_{label}.nc")
-                made = make_archive(changed, place, map=map, progress=progress or Progress())
-                own = next(iter(model_trees(made).values()))
+                changed = reading_study(study, reading, runs)
+                own = run(label, changed)
             found.append(result(label, reading.note, own, changed, reading.lost))
-        return Replication(name, figures.source, stated, tuple(found))
+        return Replication(name, figures.source, stated, tuple(found), figures.runs)
 
 
 def _publication_name(study: ValidatedStudy, path: Path, publication: str) -> str:

@@ -32,6 +32,11 @@ _Rows = list[Sequence[str]]
     metavar="NAME",
     help="The [published.<name>] to test.  [default: the only one]",
 )
+@click.option(
+    "--runs",
+    type=click.IntRange(min=2),
+    help="Independent runs of the study and each reading.  [default: those of the archive]",
+)
 @click.option("--json", "as_text", is_flag=True, help="JSON on standard output, in SI units.")
 @trust_option
 @folder_option()
@@ -40,6 +45,7 @@ _Rows = list[Sequence[str]]
 def replicate(
     archive: Path,
     publication: str,
+    runs: int | None,
     as_text: bool,
     trust: bool,
     folder: Path | None,
@@ -61,7 +67,13 @@ def replicate(
     folder = folder and folder.absolute()
     with show_progress() as progress, executor.open_map() as spread:
         found = replicate_archive(
-            archive, publication, folder=folder, trust=trust, map=spread, progress=progress
+            archive,
+            publication,
+            runs=runs,
+            folder=folder,
+            trust=trust,
+            map=spread,
+            progress=progress,
         )
     if as_text:
         click.echo(printable_json(replication_json(found)))
@@ -139,6 +151,8 @@ def _sentences(found: Replication) -> Iterator[str]:
         verdict = "is rejected at 5 %" if stated.is_rejected else "is not rejected at 5 %"
         p = _probability_text(stated.moments.p)
         yield f"Means and deviations together: p = {p}. The study {verdict}."
+    if stated.is_rejected and found.has_few_runs:
+        yield "With a heavy tail, so few runs reject a right study in more than 5 %: see --runs."
     if stated.is_rejected and found.readings:
         fitting = [each.name for each in found.readings if each.fits]
         names = f": {', '.join(fitting)}" if fitting else ""

@@ -351,10 +351,13 @@ def _merge(table: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, An
     return found
 
 
-def reading_study(study: ValidatedStudy, reading: Reading) -> ValidatedStudy:
+def reading_study(
+    study: ValidatedStudy, reading: Reading, runs: int | None = None
+) -> ValidatedStudy:
     """Return the study that a publication is read by, with the designs that give its figures.
 
-    These are the first `monte-carlo` design and the first `one-at-a-time` design.
+    These are the first `monte-carlo` design, with another number of runs where one is given, and
+    the first `one-at-a-time` design.
     """
     content = _changed_content(tomllib.loads(study.text), reading)
     designs = study.designs
@@ -365,6 +368,8 @@ def reading_study(study: ValidatedStudy, reading: Reading) -> ValidatedStudy:
     content["designs"] = {
         name: table for name, table in content["designs"].items() if name in first.values()
     }
+    if runs is not None and (sample := first[MonteCarlo]) is not None:
+        content["designs"][sample] = {"kind": "monte-carlo", "runs": runs}
     return parse_study(tomli_w.dumps(content), name=study.name, folder=study.folder)
 
 
