@@ -124,6 +124,15 @@ def test_a_value_may_stand_for_a_lost_run(study_of):
     assert found.figures[0].found > 3
 
 
+def test_a_misspelt_key_of_a_reading_is_one_mistake(study_of):
+    text = f"{SAMPLES}{READ}[published.report.readings.r]\nlost.inadmisible.y = 1\n"
+    with pytest.raises(StudyError) as caught:
+        study_of("a + b", text, a=(0, 1), b=(0, 1))
+    assert [each.key for each in caught.value.problems] == [
+        "published.report.readings.r.lost.inadmisible"
+    ]
+
+
 @pytest.mark.parametrize(
     ("reading", "key", "found"),
     [

@@ -442,7 +442,7 @@ def _read_readings(table: TableReader, model: Model) -> Iterator[tuple[str, Read
             if key not in _READING_KEYS:
                 expected = f"a table of the study; {choices(key, _READING_KEYS)}"
                 section.add_problem(key, "an unknown key", expected)
-        if not changes and not lost:
+        if section.content.keys() <= {"note"}:
             expected = 'a change of the study, such as inputs.x = "(17 ± 4) mm"'
             section.add_problem((), "a reading that changes nothing", expected)
         yield name, Reading(note or "", changes, lost)
