@@ -50,11 +50,16 @@ def pytest_xdist_auto_num_workers() -> int | None:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection() -> Iterator[None]:
-    """Collect the tests without a search for garbage: nearly all that is made is kept."""
+    """Collect the tests without a search for garbage: nearly all that is made is kept.
+
+    Later searches leave it out, and are fewer, as commands have them.
+    """
     gc.disable()
     try:
         yield
     finally:
+        gc.freeze()
+        gc.set_threshold(50_000, 20, 50)
         gc.enable()
 
 

@@ -23,6 +23,7 @@ from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.one_at_a_time import Morris, OneAtATime
 from uqpen.designs.quadrature import FullFactorial, Quadrature
 from uqpen.designs.quasi_monte_carlo import Halton, SobolSequence
+from uqpen.designs.salib_designs import FastSampler, FiniteDifferences, FractionalFactorial
 from uqpen.distributions.joint_distribution import FixedInput, JointDistribution, RandomInput
 from uqpen.distributions.univariate import Normal, Uniform
 
@@ -67,6 +68,9 @@ OTHER_DESIGNS = [
     FullFactorial(7),
     Morris(20),
     OneAtATime(),
+    FastSampler(N=65),
+    FiniteDifferences(N=16),
+    FractionalFactorial(),
 ]
 
 
