@@ -1,5 +1,6 @@
 """A data file in place of a model: what is read, reported and refused."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from uqpen.designs.data import DataDesign
 from uqpen.report.blocks import Alerts
 from uqpen.report.page import report_page
 from uqpen.report.sections.answer import answer
+from uqpen.report.sections.summary import summary_lines
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.output_tables import output_tables
 from uqpen.results.source_statistics import SourceStatistics
@@ -224,6 +226,18 @@ def test_a_surrogate_of_points_that_contradict_the_stated_inputs_says_nothing(wr
     undeclared = uqpen.run(written(f"{STUDY}{INPUTS}{DESIGN}{SURROGATE}", alike))
     mean = SourceStatistics(undeclared).statistics("pce", "deflection")["mean"]
     assert np.isfinite(mean.values[0])
+
+
+def test_a_wrong_unit_of_an_input_is_what_to_mind_first(written):
+    text = f"{STUDY}{INPUTS}{DESIGN}independent = true\n"
+    assert not any("do not follow" in line for line in summary_lines(uqpen.run(written(text))))
+    tree = uqpen.run(written(text.replace("1 m", "1 cm")))
+    told = next(line for line in summary_lines(tree) if line.startswith("mind: "))
+    assert "The points of given do not follow the stated inputs" in told
+    assert re.search(r"Kolmogorov's distance of length 0\.\d+ \(p < 0\.0001\)\.", told)
+    # The points of a plan are no draws, and contradict nothing.
+    plan = text.replace("independent = true\n", "").replace("1 m", "1 cm")
+    assert not any("do not follow" in line for line in summary_lines(uqpen.run(written(plan))))
 
 
 def test_an_archive_verifies_and_refuses_what_needs_a_model(written, tmp_path, command_line):

@@ -51,6 +51,7 @@ from uqpen.core.labels import (
     COMPARISON_GROUP,
     CONDITIONAL,
     CONFIDENCE_LEVEL,
+    CONTRADICTED_DISTRIBUTIONS,
     CONTRADICTION,
     DECISION,
     DECISION_CLAIM,
@@ -118,7 +119,16 @@ _ATTRIBUTES = {
     **dict.fromkeys(
         (
             *(INTERVAL, INTERVAL_LABEL, NOTE, ROLE, CONDITIONAL, MISSING, "units", "display_units"),
-            *(ABSENT, CONTRADICTION, DERIVED_FROM, "source", "minus", "outputs", "check"),
+            *(
+                ABSENT,
+                CONTRADICTED_DISTRIBUTIONS,
+                CONTRADICTION,
+                DERIVED_FROM,
+                "source",
+                "minus",
+                "outputs",
+                "check",
+            ),
             *(AXIS_SCALE, CAVEAT, SOURCE_KIND, CITED, MAGNITUDES, LARGEST_CONTRIBUTION),
             *(NOT_FITTED, REFUTED),
             *("flag_meanings", DECISION, DECISION_CLAIM, STOPPING_CLAIM, STOPPING_STATISTICS),

@@ -151,7 +151,8 @@ def _shown_values(
         elif output.dims:
             ends = scale(unit).from_si(np.array([np.nanmin(found), np.nanmax(found)]))
             lowest, highest = (f"{end:.{digits}g}" for end in ends)
-            along = ", ".join(f"{each.name} ({len(each.values)})" for each in output.dims)
+            ended = f"{np.isfinite(found).sum()} of " if np.isnan(found).any() else ""
+            along = ", ".join(f"{each.name} ({ended}{len(each.values)})" for each in output.dims)
             yield output.name, f"{lowest} to {highest} along {along}", shown
         elif output.absent and np.isnan(found):
             yield output.name, f"none: {output.absent}", ""

@@ -177,8 +177,9 @@ DECISION_LOWER = "decision_lower"
 DECISION_UPPER = "decision_upper"
 # How well given points follow the distributions that the study states.
 AGREEMENT = "agreement_with_inputs"
-# How they contradict the independence that the study states.
+# How they contradict the independence that the study states, and distributions.
 CONTRADICTION = "contradicted_inputs"
+CONTRADICTED_DISTRIBUTIONS = "contradicted_distributions"
 # The criterion by which points were moved apart.
 OPTIMIZED_BY = "points_optimized_by"
 # Moved inputs whose nominal value is 0, so that no step is relative to it.

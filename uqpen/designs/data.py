@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -13,7 +13,14 @@ from uqpen.core.arrays import FloatArray
 from uqpen.core.columns import ColumnFile, read_columns
 from uqpen.core.errors import Problem, TableError
 from uqpen.core.files import FileSnapshot
-from uqpen.core.labels import AGREEMENT, CONTRADICTION, DEPENDENCE, REPLICATE, WEIGHT
+from uqpen.core.labels import (
+    AGREEMENT,
+    CONTRADICTED_DISTRIBUTIONS,
+    CONTRADICTION,
+    DEPENDENCE,
+    REPLICATE,
+    WEIGHT,
+)
 from uqpen.core.lookup import choices
 from uqpen.core.model import Results
 from uqpen.core.sampling import Sampling
@@ -192,8 +199,10 @@ class DataDesign(Design):
             points[REPLICATE] = points[REPLICATE].astype(np.int64)
         if WEIGHT not in coordinates:
             contradiction = self._contradiction_text(joint)
+            agreements = list(input_agreements(joint, self.columns(joint)))
             texts = {
-                AGREEMENT: self._agreement_text(joint),
+                AGREEMENT: self._agreement_text(joint, agreements),
+                CONTRADICTED_DISTRIBUTIONS: self._other_inputs_text(agreements),
                 CONTRADICTION: contradiction,
                 # The statistics of these runs are those of inputs that depend on each other.
                 DEPENDENCE: contradiction,
@@ -237,21 +246,27 @@ class DataDesign(Design):
     def _rows(self, column: FloatArray) -> FloatArray:
         return column[self.first - 1 : self.last]
 
-    def _agreement_text(self, joint: JointDistribution) -> str:
+    def _agreement_text(self, joint: JointDistribution, agreements: Sequence[Agreement]) -> str:
         """Say how well its points follow the distributions that the study states."""
-        points, is_drawn = self.columns(joint), self.sampling is Sampling.INDEPENDENT
-        found = [_text(each, is_drawn=is_drawn) for each in input_agreements(joint, points)]
+        is_drawn = self.sampling is Sampling.INDEPENDENT
+        found = [_text(each, is_drawn=is_drawn) for each in agreements]
         texts = [f"Kolmogorov's distance from [inputs]: {', '.join(found)}"] if found else []
-        if pair := largest_correlation(joint, points):
+        if pair := largest_correlation(joint, self.columns(joint)):
             texts.append(f"largest rank correlation: {_text(pair, is_drawn=is_drawn)}")
         return "; ".join(texts)
+
+    def _other_inputs_text(self, agreements: Sequence[Agreement]) -> str:
+        """Say which distributions its points contradict, if they are claimed to be draws."""
+        if self.sampling is not Sampling.INDEPENDENT:
+            return ""
+        return ", ".join(_text(each, is_drawn=True) for each in agreements if each.is_contradiction)
 
     def _contradiction_text(self, joint: JointDistribution) -> str:
         """Say how its points contradict a stated independence, if they are claimed to be draws."""
         if self.sampling is Sampling.GIVEN:
             return ""
         pair = largest_correlation(joint, self.columns(joint))
-        if pair is None or not pair.contradicts_independence:
+        if pair is None or not pair.is_contradiction:
             return ""
         return f"the rank correlation of {_text(pair, is_drawn=True)}"
 

@@ -240,8 +240,8 @@ class Agreement(NamedTuple):
     p_value: float
 
     @property
-    def contradicts_independence(self) -> bool:
-        """True for a rank correlation that is neither chance nor too weak to matter."""
+    def is_contradiction(self) -> bool:
+        """True for a departure that is neither chance nor too small to matter."""
         return self.p_value < _CHANCE and abs(self.value) >= _WEAK
 
 

@@ -16,6 +16,7 @@ from uqpen.core.catalogue import MEASURES
 from uqpen.core.labels import (
     AGREEMENT,
     CONDITIONAL,
+    CONTRADICTED_DISTRIBUTIONS,
     CONTRADICTION,
     DEPENDENCE,
     INTERVAL_LEVEL,
@@ -301,6 +302,14 @@ def alerts(
     view: ArchiveView, design: str, quantities: Sequence[QuotedStatistic]
 ) -> Iterator[Alert]:
     """Yield what to mind about quantities by a design, the gravest first."""
+    attributes = read_group(view.tree, RUNS, design).attrs
+    if CONTRADICTED_DISTRIBUTIONS in attributes:
+        yield Alert(
+            "Inputs",
+            f"The points of {design} do not follow the stated inputs: Kolmogorov's distance of "
+            f"{plain_text(str(attributes[CONTRADICTED_DISTRIBUTIONS]), 200)}.",
+            "Compare the distributions and their units with the file.",
+        )
     if missing_count(view, design):
         yield Alert(
             "Failed runs",
@@ -446,7 +455,8 @@ def _input_alerts(view: ArchiveView, design: str) -> Iterator[Alert]:
             "inputs.",
             "Check how they were chosen.",
         )
-    if agreement := str(read_group(view.tree, RUNS, design).attrs.get(AGREEMENT, "")):
+    agreement = str(attributes.get(AGREEMENT, ""))
+    if agreement and CONTRADICTED_DISTRIBUTIONS not in attributes:
         yield Alert(
             "Inputs",
             f"The points of {design}, from a file, against the stated inputs: {agreement}.",
