@@ -83,7 +83,10 @@ def replicate(
 
 
 def _show(found: Replication) -> None:
+    from rich.text import Text
+
     from uqpen.cli.console import show_line, show_plain_tables, standard_output
+    from uqpen.cli.messages import screen_text
     from uqpen.results.digits import number_text
 
     console, stated = standard_output(), found.stated
@@ -95,22 +98,25 @@ def _show(found: Replication) -> None:
             number_text(each.found),
             number_text(each.published_error, 2),
             number_text(each.found_error, 2),
-            number_text(each.half_digit, 2),
             f"{each.z:.2f}",
         )
         for each in stated.moments.figures
     ]
-    header = ["figure", "published", "here", "its noise", "noise here", "half digit", "z"]
+    header = ["figure", "printed", "here", "its noise", "noise here", "z"]
     printed = [*_printed_rows(stated.uncertainties), *_printed_rows(stated.responses)]
     show_plain_tables(
-        console, (header, rows), (["without noise", "published", "here", "to the digit"], printed)
+        console, (header, rows), (["without noise", "printed", "here", "same"], printed)
     )
     console.print()
     for line in _sentences(found):
         show_line(line)
     readings: _Rows = [_reading_row(each) for each in found.readings]
-    names = ["reading", "p", "largest |z|", "responses", "against it", "what it says"]
+    names = ["reading", "p", "largest |z|", "responses", "against it"]
     show_plain_tables(console, (names, readings))
+    if notes := [f"{each.name}: {each.note}" for each in found.readings if each.note]:
+        console.print()
+        for note in notes:
+            console.print(Text(screen_text(note)))
 
 
 def _printed_rows(figures: Sequence[PrintedFigure]) -> Iterator[Sequence[str]]:
@@ -134,7 +140,6 @@ def _reading_row(result: ReadingResult) -> Sequence[str]:
         f"{largest:.2f}",
         f"{result.same_responses} of {len(result.responses)}",
         ", ".join(reasons) or "–",
-        result.note,
     )
 
 
