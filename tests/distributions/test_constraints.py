@@ -36,6 +36,10 @@ POINTS = {
         ("radius < '2500mm'", [True, True, False]),
         ("radius < depth * depth / (depth - depth)", [False, False, False]),
         ("radius < 1 / 0 * depth", [False, False, False]),
+        ("sqrt(radius * depth) < '2.1 m'", [True, True, False]),
+        ("max(radius, depth) > min(depth, '1.5 m', radius)", [True, True, True]),
+        ("log10(time / '1 s') + exp(0) < 1.2", [True, False, True]),
+        ("log((radius - depth) / '1 m') > -1", [False, False, True]),
     ],
 )
 def test_a_constraint_holds_where_its_comparison_does(text, holds):

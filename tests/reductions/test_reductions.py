@@ -173,8 +173,10 @@ class TestAbsentNumbers:
         curves = np.zeros((2, 41))
         curves[1, 3:] = 4.0
         is_ok = np.array([True, True])
-        assert companion.values(curves, CURVE, is_ok).tolist() == [1.0, 0.0]
-        assert number.values(curves, CURVE, is_ok) == pytest.approx([np.nan, 0.25], nan_ok=True)
+        assert companion.values({CURVE.name: curves}, is_ok).tolist() == [1.0, 0.0]
+        assert number.values({CURVE.name: curves}, is_ok) == pytest.approx(
+            [np.nan, 0.25], nan_ok=True
+        )
 
     def test_a_place_beyond_the_end_of_a_curve(self):
         found = derived_outputs("late", CURVE, at(time=2.0))
@@ -184,5 +186,5 @@ class TestAbsentNumbers:
     def test_a_failed_run_has_no_number(self):
         (peak,) = derived_outputs("peak", CURVE, reduction("max"))
         curves = np.array([np.full(41, np.nan), np.ones(41), np.full(41, 3.0)])
-        found = peak.values(curves, CURVE, np.array([False, True, False]))
+        found = peak.values({CURVE.name: curves}, np.array([False, True, False]))
         assert found == pytest.approx([np.nan, 1.0, np.nan], nan_ok=True)

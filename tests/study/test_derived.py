@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import uqpen
 from uqpen.core.model import Dimension, Input, Model, Output, Results
@@ -322,3 +323,120 @@ class TestModelsThatAreNotLoaded:
         with pytest.raises(uqpen.StudyError) as error:
             uqpen.parse_study(text, folder=folder)
         assert [each.key for each in error.value.problems] == [key]
+
+
+PLATE = """\
+seed = 1
+[model]
+python = "plate.py:plate"
+[model.inputs]
+load = "kN"
+area = "cm^2"
+[model.outputs]
+strength = "MPa"
+delay = "ms"
+heat = "degC"
+[inputs]
+load = { uniform = { lower = "60 kN", upper = "140 kN" } }
+area = "5 cm^2"
+[designs.mc]
+kind = "monte-carlo"
+runs = 40
+"""
+
+
+@pytest.fixture
+def plate(tmp_path):
+    code = 'return {"strength": 200 + load / 50, "delay": load - 100, "heat": load}'
+    (tmp_path / "plate.py").write_text(f"def plate(load, area):\n    {code}\n")
+    return lambda added: uqpen.parse_study(PLATE + added, folder=tmp_path)
+
+
+class TestFormulas:
+    def test_follow_from_outputs_and_inputs_in_their_units(self, plate):
+        study = plate(
+            '[outputs.margin]\nformula = "strength - load / area"\nbelow = ["0 MPa"]\n'
+            '[outputs.worst]\nformula = "max(-margin, abs(margin) / 2)"\n'
+        )
+        runs = uqpen.run(study)["runs/mc"].to_dataset()
+        margin = runs["strength"].values - runs["load"].values / 5e-4
+        assert np.allclose(runs["margin"], margin, rtol=1e-12, atol=1e-3)  # of 2e8 Pa
+        assert np.allclose(runs["worst"], np.maximum(-margin, abs(margin) / 2), atol=1e-3)
+        assert runs["margin"].attrs["derived_from"] == "strength - load / area"
+        assert runs["margin"].attrs["display_units"] == "MPa"
+        assert "margin_occurs" not in runs
+
+    def test_a_value_that_is_not_finite_is_a_missing_number_of_a_completed_run(self, plate):
+        tree = uqpen.run(plate("[outputs.slow]\nformula = \"log10(delay / '1 ms')\"\n"))
+        runs = tree["runs/mc"].to_dataset()
+        has_none = runs["delay"].values <= 0
+        assert 0 < has_none.sum() < 40
+        assert (runs["status"] == 0).all()
+        assert np.array_equal(np.isnan(runs["slow"]), has_none)
+        assert np.array_equal(runs["slow_occurs"], has_none)
+        mean = tree["statistics/mc/slow/mean"]
+        assert mean.attrs["runs_absent"] == has_none.sum()
+        assert mean.values[0] == pytest.approx(
+            np.log10(runs["delay"].values[~has_none] * 1e3).mean()
+        )
+
+    def test_what_a_rare_event_is_of(self, plate):
+        added = (
+            '[outputs.margin]\nformula = "strength - load / area"\n[designs.rare]\n'
+            'kind = "importance-sampling"\nsamples = 200\nevent = ["margin < -40 MPa"]\n'
+        )
+        (found,) = uqpen.run(plate(added))["joint_probabilities/rare"]["joint_probability"]
+        # Below load (200 + load / 50) MPa - load / area falls at 240 kN / (2 - 1 / 50) = 121.2 kN.
+        assert found.sel(bound="lower").item() < (140 - 240 / 1.98) / 80
+        assert found.sel(bound="upper").item() > (140 - 240 / 1.98) / 80
+
+    @pytest.mark.parametrize(
+        ("table", "expected"),
+        [
+            (
+                'formula = "strength - delay"',
+                '.formula: "strength - delay", which compares Pa with s; sides of the same '
+                "dimension",
+            ),
+            (
+                'formula = "log10(delay)"',
+                '.formula: "log10(delay)", of a value in s; a plain number in it, such as '
+                "log10(delay / '1 s')",
+            ),
+            (
+                'formula = "sqrt(load)"',
+                '.formula: "sqrt(load)", of a value in N; a unit that has a square root, '
+                "such as m2",
+            ),
+            (
+                'formula = "stength"',
+                '.formula: "stength"; an output or input of plate.py:plate that is a number; '
+                'did you mean "strength"? known: load, area, strength, delay, heat',
+            ),
+            ('formula = "load"\nof = "strength"', ": of and formula; one of them"),
+            (
+                'formula = "heat - heat"\nunit = "degC"',
+                '.unit: "degC"; a unit such as "K", as it is a difference',
+            ),
+        ],
+    )
+    def test_refused_with_a_message(self, table, expected, plate):
+        with pytest.raises(uqpen.StudyError) as error:
+            plate(f"[outputs.margin]\n{table}\n")
+        found = [f"{each.key}: {each.found}; {each.expected}" for each in error.value.problems]
+        assert found == [f"outputs.margin{expected}"]
+
+    def test_another_one_makes_no_run(self, plate, tmp_path, command_line):
+        study = tmp_path / "study.toml"
+        study.write_text(PLATE)
+        assert command_line("study", str(study), "-o", str(tmp_path / "first.nc")).code == 0
+        formula = '[outputs.margin]\nformula = "strength - load / area"\n'
+        study.write_text(PLATE + formula)
+        assert plate(formula).model.identity() == plate("").model.identity()
+        again = str(tmp_path / "again.nc"), "--reuse", str(tmp_path / "first.nc")
+        said = command_line("study", str(study), "-o", *again).err
+        assert "40 of 40 runs from " in said
+        assert "mc: 0 runs in " in said
+        with xr.open_datatree(tmp_path / "first.nc") as first, xr.open_datatree(again[0]) as other:
+            runs = other["runs/mc"].to_dataset()
+            assert runs.drop_vars("margin").equals(first["runs/mc"].to_dataset())

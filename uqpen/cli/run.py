@@ -131,7 +131,7 @@ def _output_rows(
     status = Status(int(results.status[0]))
     if status is not Status.OK:
         raise ModelError(f"the run is {STATUS_TEXT[status]}: {results.reasons[0]}")
-    values = model.derive(results.outputs, results.status)
+    values = model.derive(results.outputs, results.status, columns)
     outputs = ((each, units.get(each.name, each.preferred_unit)) for each in model.all_outputs)
     yield from _shown_values(outputs, values, 10)
 
@@ -199,7 +199,8 @@ def show_trial_runs(study: ValidatedStudy) -> ExitCode:
             show_line(f"trial run{which} at the nominal inputs, {trial.seconds:.3g} s\n")
             quantities = study.model_quantities(variant.model)
             outputs = ((each.output, each.display_unit) for each in quantities)
-            values = variant.model.derive(trial.results.outputs, trial.results.status)
+            results = trial.results
+            values = variant.model.derive(results.outputs, results.status, trial.inputs)
             rows = list(_shown_values(outputs, values, 6))
             standard_output().print(plain_table(["output", "value", "unit"], rows))
             archive = Path("archives") / f"{study.name}.nc"

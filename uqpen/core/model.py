@@ -160,7 +160,8 @@ class Model(ABC):
     enforced_limits : Limits
         Limits of one run that its caller has to enforce.
     derived : tuple of DerivedOutput
-        What a study derives from its fields, after a run. `evaluate` knows nothing of them.
+        What a study derives from its inputs and outputs, after a run. `evaluate` knows nothing
+        of them.
     """
 
     name: str
@@ -324,20 +325,25 @@ class Model(ABC):
         vars(model).update(vars(self), derived=tuple(derived))
         return model
 
-    def derive(self, outputs: Arrays, status: npt.NDArray[np.int8]) -> dict[str, FloatArray]:
+    def derive(
+        self, outputs: Arrays, status: npt.NDArray[np.int8], inputs: Arrays
+    ) -> dict[str, FloatArray]:
         """Return the values of all outputs of runs: those of the model, and the derived ones.
 
         Parameters
         ----------
         outputs, status
-            As in `Results`.
+            As in `Results`; NaN in runs that are still to come.
+        inputs : mapping of str to ndarray, shape (run,)
+            SI values.
         """
         is_ok = status == Status.OK
-        derived = {
-            each.output.name: each.values(outputs[each.source], self.output(each.source), is_ok)
-            for each in self.derived
-        }
-        return {**outputs, **derived}
+        for values in outputs.values() if self.derived else ():
+            is_ok = is_ok & ~np.isnan(values.reshape(len(is_ok), -1)[:, 0])
+        found = {**inputs, **outputs}
+        for each in self.derived:
+            found[each.output.name] = each.values(found, is_ok)
+        return {name: found[name] for name in (*outputs, *(d.output.name for d in self.derived))}
 
     def input(self, name: str) -> Input:
         """Return the input named `name`."""

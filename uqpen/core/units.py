@@ -282,6 +282,17 @@ def ratio(one: str, other: str) -> str:
     return _combined(one, other, "/")
 
 
+def square_root(unit: str) -> str:
+    """Return the coherent SI unit of the square root of a quantity; QuantityError without one."""
+    if unit is ANY_DIMENSION:
+        return unit
+    try:
+        with _cf_units().suppress_errors():  # which it would print
+            return si_unit(str(_unit(si_unit(unit)).root(2).definition))
+    except ValueError:
+        raise QuantityError(toml_text(unit), "a unit with a square root") from None
+
+
 def _combined(one: str, other: str, sign: str) -> str:
     if one is ANY_DIMENSION or other is ANY_DIMENSION:
         return ANY_DIMENSION

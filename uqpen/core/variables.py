@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from uqpen.core.arrays import BoolArray, FloatArray
+from uqpen.core.arrays import Arrays, BoolArray, FloatArray
 from uqpen.core.catalogue import CATALOGUE, NAMES_IN_USE
 from uqpen.core.errors import Problem, SettingsError, toml_text
 from uqpen.core.labels import NAME
@@ -329,27 +329,24 @@ class Reduction(ABC):
 
 
 @dataclass(frozen=True)
-class DerivedOutput:
-    """Output that follows from a field of the same run, after the run."""
+class DerivedOutput(ABC):
+    """Output that follows from others of the same run, after the run."""
 
     output: Output  # its name, its unit and its categories, if any
-    source: str  # the field
-    reduction: Reduction  # the rule by which it follows
 
-    def values(self, whole: FloatArray, field: Output, is_ok: BoolArray) -> FloatArray:
+    @property
+    @abstractmethod
+    def source(self) -> str:
+        """What it follows from, for a reader: the name of a field, or a formula."""
+
+    @abstractmethod
+    def values(self, found: Arrays, is_ok: BoolArray) -> FloatArray:
         """Return its values in some runs; NaN in those that failed.
 
         Parameters
         ----------
-        whole : ndarray, shape (run, *dims)
-            The field, with NaN in runs that failed or are still to come.
-        field : Output
-            The output that they are of.
+        found : mapping of str to ndarray, shape (run, *dims)
+            The inputs, and the outputs that it follows from, with NaN in runs that failed.
         is_ok : ndarray of bool, shape (run,)
-            Whether each run has not failed.
+            Whether each run has been made, and has not failed.
         """
-        has_field = is_ok & np.isfinite(whole.reshape(len(whole), -1)[:, 0])
-        values = np.full(len(whole), np.nan)
-        with np.errstate(over="ignore", invalid="ignore"):  # such a run is lost, with a reason
-            values[has_field] = self.reduction.reduce(whole[has_field], field)
-        return values

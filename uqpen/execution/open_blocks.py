@@ -75,7 +75,7 @@ class BlockRecord:
 
     def _derive(self, model: Model) -> dict[str, FloatArray]:
         """Return the values of all outputs; a run fails where a derived one is not finite."""
-        found = model.derive(self._outputs, self._status)
+        found = model.derive(self._outputs, self._status, self.columns)
         is_ok = self.done & (self._status == Status.OK)
         reasons = {
             run: f"{reason}, from {each.source}"
@@ -91,7 +91,7 @@ class BlockRecord:
         self._reasons |= {self.start + run: reason for run, reason in reasons.items()}
         for values in self._outputs.values():
             values[lost] = np.nan
-        return model.derive(self._outputs, self._status)
+        return model.derive(self._outputs, self._status, self.columns)
 
 
 class OpenBlocks:

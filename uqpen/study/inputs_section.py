@@ -293,11 +293,15 @@ def read_inputs(table: TableReader, model: Model, stream: Stream, groups: Groups
     return Inputs(joint, frozenset(unclear))
 
 
+def given_inputs(model: Model, inputs: Inputs) -> frozenset[str]:
+    """Return the names of the inputs that a study gives values for."""
+    given = inputs.unclear.union(entry.variable.name for entry in inputs.joint.inputs)
+    return frozenset(given | model.points.keys() if isinstance(model, DataModel) else given)
+
+
 def read_constraints(table: TableReader, model: Model, inputs: Inputs) -> tuple[Constraint, ...]:
     """Read the comparisons of inputs that every point must satisfy."""
-    given = inputs.unclear.union(entry.variable.name for entry in inputs.joint.inputs)
-    if isinstance(model, DataModel):
-        given |= model.points.keys()
+    given = given_inputs(model, inputs)
     units = dict.fromkeys(inputs.unclear, ANY_DIMENSION) | {
         variable.name: variable.unit
         for variable in model.inputs

@@ -47,7 +47,12 @@ from uqpen.study.document import Document, Objects, parse_document, read_documen
 from uqpen.study.inputs_section import read_constraints, read_inputs
 from uqpen.study.joint_section import Inputs, read_dependence, read_groups
 from uqpen.study.model_section import check_stand_ins, check_variants, read_models
-from uqpen.study.outputs_section import check_analyses, derive_outputs, read_analyses
+from uqpen.study.outputs_section import (
+    check_analyses,
+    check_formulas,
+    derive_outputs,
+    read_analyses,
+)
 from uqpen.study.study import ONLY_MODEL, SurrogateOrigin, ValidatedStudy, Variant
 from uqpen.study.surrogates_section import check_surrogates, read_surrogates, refined_designs
 from uqpen.study.table_reader import StudyParts, TableReader
@@ -164,6 +169,7 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
         root, tables, model, models, methods.designs, heading.seed
     )
     check_fixed(tables["inputs"], joint, model)
+    check_formulas(tables["outputs"], models, inputs)
     constraints = read_constraints(tables["constraints"], model, inputs)
     plan = BudgetPlan(document.text)
     if budget is not None and is_clear:

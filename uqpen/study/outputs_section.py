@@ -4,12 +4,20 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from typing import Any, NamedTuple
 
 from uqpen.core.catalogue import REQUESTED
-from uqpen.core.errors import ModelError, Problem, QuantityError, SettingsError, toml_text
+from uqpen.core.errors import (
+    ConstraintError,
+    ModelError,
+    Problem,
+    QuantityError,
+    SettingsError,
+    toml_text,
+)
+from uqpen.core.formulas import parse_formula
 from uqpen.core.labels import LARGEST_CONTRIBUTION, NAME
 from uqpen.core.lookup import choices, installed_members, load_installed, resolve
 from uqpen.core.model import Model, Output
@@ -18,12 +26,12 @@ from uqpen.core.settings import declared_settings, read_list
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.core.units import ANY_DIMENSION, scale
-from uqpen.core.variables import DerivedOutput, Reduction
+from uqpen.core.variables import DerivedOutput, Reduction, Variable
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.models.user_code import check_signature
 from uqpen.models.user_module import load_function
 from uqpen.reductions import REDUCTIONS
-from uqpen.reductions.derived import derived_outputs
+from uqpen.reductions.derived import FormulaOutput, ReducedOutput, derived_outputs, formula_outputs
 from uqpen.reductions.of_fields import At, Maximum
 from uqpen.statistics import SALIB_ANALYSES
 from uqpen.statistics.joint_event import JointEvent, OutputLimit
@@ -36,6 +44,8 @@ from uqpen.statistics.published import (
 )
 from uqpen.statistics.quantity_of_interest import AcceptanceLimits, QuantityOfInterest
 from uqpen.statistics.user_defined_analysis import SALIB, UserDefinedAnalysis
+from uqpen.study.inputs_section import given_inputs
+from uqpen.study.joint_section import Inputs
 from uqpen.study.model_section import PartialModel
 from uqpen.study.study import Variant
 from uqpen.study.table_reader import (
@@ -47,7 +57,7 @@ from uqpen.study.table_reader import (
     named_tables,
 )
 
-_OF, _TAKE, _AT = "of", "take", "at"
+_OF, _TAKE, _AT, _FORMULA = "of", "take", "at", "formula"
 # A key with the name of a dimension, ``time_of``, and the reductions by its values.
 _PLACE_OF = "_of"
 _PLACES = {"max": "idxmax", "min": "idxmin", "last": "idxlast"}
@@ -63,14 +73,14 @@ class _Declared(NamedTuple):
 
 
 def is_derived(table: object) -> bool:
-    """Check for the table of an output that follows from a field."""
-    return isinstance(table, Mapping) and _OF in table
+    """Check for the table of an output that follows from a field, or from numbers by a formula."""
+    return isinstance(table, Mapping) and (_OF in table or _FORMULA in table)
 
 
 def derive_outputs(
     table: TableReader, model: Model, variants: Mapping[str, Variant]
 ) -> tuple[Model, dict[str, Variant]]:
-    """Return the models of a study with the outputs that ``[outputs]`` derives from their fields.
+    """Return the models of a study with the outputs that ``[outputs]`` derives from others.
 
     Mistakes are noted; an output with one is of any dimension.
 
@@ -81,26 +91,27 @@ def derive_outputs(
     model : Model
         The first model; a `PartialModel` where it has mistakes.
     variants : mapping of str to Variant
-        The models by name. Each gets the outputs that follow from fields of its own.
+        The models by name. Each gets the outputs that follow from outputs of its own.
     """
     found: list[_Declared] = []
     derived: list[DerivedOutput] = []
     known = {each.name for each in (*model.inputs, *model.outputs)}
     known.update(dimension.name for output in model.outputs for dimension in output.dims)
     for name in table:
-        if not is_derived(table.content[name]) or (
-            isinstance(model, PartialModel) and name in known
+        if (
+            not is_derived(content := table.content[name])
+            or _FORMULA in content
+            or (isinstance(model, PartialModel) and name in known)
         ):
             continue
         declared = _read_declared(table.table(name), name, model)
-        if declared:
-            outputs = derived_outputs(*declared)
-        else:  # of any dimension, as its declaration has a mistake
-            outputs = (DerivedOutput(Output(name, ANY_DIMENSION), "", Maximum()),)
+        outputs = derived_outputs(*declared) if declared else _mistaken(name)
         if _has_free_names(table, outputs, known):
             derived += outputs
             found += [declared] if declared else []
             known.update(each.output.name for each in outputs)
+    of_numbers, formulas = _read_formulas(table, model.with_derived(derived), known)
+    derived += of_numbers
     changed = {}
     for label, variant in variants.items():
         own = {output.name: output for output in variant.model.outputs}
@@ -108,8 +119,72 @@ def derive_outputs(
             each._replace(field=own[each.field.name]) for each in found if each.field.name in own
         ]
         of_model = [output for each in fields for output in derived_outputs(*each)]
+        for name, text in formulas.items():
+            with suppress(ConstraintError):  # of an output that this model does not have
+                of_model += _formula_outputs(name, text, variant.model.with_derived(of_model))
         changed[label] = replace(variant, model=variant.model.with_derived(of_model))
     return model.with_derived(derived), changed
+
+
+def _read_formulas(
+    table: TableReader, model: Model, known: set[str]
+) -> tuple[list[DerivedOutput], dict[str, str]]:
+    """Read the outputs that follow from numbers; return them, and the text of each formula.
+
+    A formula may name an output that another one before it gives. `known` gets the new names.
+    """
+    made: list[DerivedOutput] = []
+    formulas: dict[str, str] = {}
+    for name in table:
+        if not is_derived(content := table.content[name]) or _FORMULA not in content:
+            continue
+        section = table.table(name)
+        noted = len(table.problems)
+        text = section.text(_FORMULA, 'a formula, such as "strength - load"')
+        if _OF in section:
+            section.add_problem((), f"{_OF} and {_FORMULA}", "one of them")
+        outputs = _mistaken(name)
+        if text and len(table.problems) == noted and not isinstance(model, PartialModel):
+            try:
+                outputs = _formula_outputs(name, text, model.with_derived((*model.derived, *made)))
+                formulas[name] = text
+            except ConstraintError as error:
+                section.add_problems(error.problems, _FORMULA)
+        if not (isinstance(model, PartialModel) and name in known) and _has_free_names(
+            table, outputs, known
+        ):
+            made += outputs
+            known.update(each.output.name for each in outputs)
+    return made, formulas
+
+
+def _mistaken(name: str) -> tuple[DerivedOutput, ...]:
+    """Return an output of any dimension, as its declaration has a mistake."""
+    output = Output(name, ANY_DIMENSION)
+    return (ReducedOutput(output, output, Maximum()),)
+
+
+def _formula_outputs(name: str, text: str, model: Model) -> tuple[DerivedOutput, ...]:
+    """Return what a formula of numbers of a model gives; ConstraintError where it has a mistake."""
+    numbers: dict[str, Variable] = {each.name: each for each in model.inputs}
+    numbers |= {each.name: each for each in model.all_outputs if each.is_number}
+    units = {each.name: each.unit for each in numbers.values()}
+    formula = parse_formula(text, units, f"an output or input of {model.name} that is a number")
+    named = [each for each in numbers.values() if each.name in formula.names]
+    return formula_outputs(name, formula, named)
+
+
+def check_formulas(table: TableReader, models: Mapping[str, Variant], inputs: Inputs) -> None:
+    """Note formulas that name an input without a value."""
+    for variant in models.values():
+        given = given_inputs(variant.model, inputs).union(variant.given)
+        for derived in variant.model.derived:
+            if isinstance(derived, FormulaOutput) and not derived.output.categories:
+                own = derived.formula.names.intersection(each.name for each in variant.model.inputs)
+                for name in sorted(own - given):
+                    found = f'"{name}", an input without a value'
+                    expected = "inputs of which the study gives a value"
+                    table.add_problem((derived.output.name, _FORMULA), found, expected)
 
 
 def _requests_table(table: TableReader, output: Output, model: Model) -> TableReader:
@@ -124,9 +199,17 @@ def _requests_table(table: TableReader, output: Output, model: Model) -> TableRe
     derived = {each.output: each for each in model.derived}.get(output)
     if derived is None or output.categories or output.unit is ANY_DIMENSION:
         return section.inside({})
-    settings = declared_settings(derived.reduction)
-    keys = [_OF, _TAKE, _AT, *(setting.key or field.name for field, setting in settings)]
-    for key in (*keys, *(key for key in section if key.endswith(_PLACE_OF))):
+    settings = declared_settings(derived.reduction) if isinstance(derived, ReducedOutput) else ()
+    keys = (
+        [_FORMULA]
+        if isinstance(derived, FormulaOutput)
+        else [_OF, _TAKE, _AT, *(setting.key or field.name for field, setting in settings)]
+    )
+    if isinstance(derived, ReducedOutput):
+        keys += [key for key in section if key.endswith(_PLACE_OF)]
+    elif output.is_difference:
+        _check_unit(section, output.unit)
+    for key in keys:
         section.take(key)
     return section
 

@@ -158,6 +158,8 @@ class OutputSpec:
         have to be the same.
     may_end : bool
         Whether a curve may end before its dimension does: NaN at its end is then no failure.
+    formula : str, optional
+        A number that follows from others, after each run, such as ``"strength - load"``.
     of : str, optional
         An output with dimensions; this one is a number that follows from it, after each run.
     take : str, optional
@@ -180,6 +182,7 @@ class OutputSpec:
     may_end: bool = False
     on: Mapping[str, str] | None = None
     interpolation: str | None = None
+    formula: str | None = None
     of: str | None = None
     take: str | None = None
     at: Mapping[str, str | float] | None = None

@@ -188,7 +188,7 @@ class ScoreModel(Model):
     def evaluate(self, inputs: Arrays) -> Results:
         """Return the results of the original model with scores; see `Model.evaluate`."""
         results = self.original.evaluate(inputs)
-        outputs = self.original.derive(results.outputs, results.status)
+        outputs = self.original.derive(results.outputs, results.status, inputs)
         fields = {output.name for output in self.original.outputs if output.dims}
         scalars = {name: values for name, values in outputs.items() if name not in fields}
         return replace(results, outputs=scalars | _scores(outputs, self.components))
