@@ -33,6 +33,17 @@ def test_the_delimiter_is_recognised(delimiter):
     assert [column.numbers().tolist() for column in file.columns] == [[1, 3], [2, 4]]
 
 
+def test_a_unit_stands_in_brackets_of_either_kind():
+    columns = file_of("Rain (mm),flux (kg/(m2 s)),T (min),T (max),max(q) [m]\n1,2,3,4,5\n").columns
+    assert [(column.name, column.unit) for column in columns] == [
+        ("Rain", "mm"),
+        ("flux", "kg/(m2 s)"),
+        ("T (min)", ""),
+        ("T (max)", ""),
+        ("max(q)", "m"),
+    ]
+
+
 @given(st.lists(st.tuples(*[st.floats(allow_nan=False)] * 3), min_size=1))
 def test_every_number_is_read_to_the_bit(rows):
     lines = ["a,b,c", *(",".join(map(repr, row)) for row in rows)]

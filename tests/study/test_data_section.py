@@ -330,8 +330,8 @@ def test_every_mistake_is_met_before_anything_is_read(written):
     assert mistakes(STUDY.replace('["deflection"]', "[]"), "", written) == [
         ("model.outputs", "no output")
     ]
-    text = STUDY + 'inputs = ["load", "deflection"]\nunits = { load = "m", length = "kM" }\n'
-    assert ("model.units.load", '"m", and "kN" in the heading') in mistakes(text, "", written)
+    text = STUDY + 'inputs = ["load", "deflection"]\nunits = { load = "kM" }\n'
+    assert ("model.units.load", '"kM", which is not a known unit') in mistakes(text, "", written)
     assert mistakes(STUDY, table().replace("[kN]", "[kM]"), written) == [
         ("model.data", '"kM", which is not a known unit, in the heading of "load"')
     ]
@@ -350,6 +350,38 @@ def test_every_mistake_is_met_before_anything_is_read(written):
     runs = "\n".join([rows[0], rows[9]])
     assert mistakes(STUDY, runs, written) == [
         ("model.data", '"lost" in column "status", runs.csv, line 2')
+    ]
+
+
+COLUMNS = """
+[model.columns]
+rain = "Rain (mm)"
+peak = "Peak flow (m3/s)"
+[model.units]
+length = "cm"
+"""
+
+
+def test_columns_have_the_names_that_the_study_gives_to_headings(written):
+    runs = table().replace("load [kN]", "Rain (mm)").replace("deflection [mm]", "Peak flow (m3/s)")
+    found = runs_of(written(STUDY.replace("deflection", "peak") + COLUMNS, runs), "data")
+    assert np.allclose(found["rain"], LOADS / 1000, rtol=1e-15)
+    assert found["peak"].attrs["display_units"] == "m3/s"
+    assert np.allclose(found["length"], LENGTHS / 100, rtol=1e-15)  # the study's unit wins
+    message = "the heading of a column in runs.csv"
+    text = STUDY.replace("deflection", "Peak flow (m3/s)")
+    assert ("model.outputs[0]", f'"Peak flow (m3/s)", {message}') in mistakes(text, runs, written)
+    text = STUDY.replace("deflection", "peak") + COLUMNS
+    wrong = text.replace("Rain (mm)", "Rein (mm)").replace('"Peak flow (m3/s)"', "3")
+    assert mistakes(wrong, runs, written) == [("model.columns.peak", "3")]
+    assert ("model.columns.rain", 'no column "Rein (mm)" in runs.csv') in mistakes(
+        text.replace("Rain (mm)", "Rein (mm)"), runs, written
+    )
+    assert mistakes(text.replace("rain =", "length ="), runs, written) == [
+        ("model.columns.length", '"Rain (mm)", and another column "length" in runs.csv')
+    ]
+    assert mistakes(text.replace("rain =", "status ="), runs, written) == [
+        ("model.columns.status", '"status", which no variable can be called')
     ]
 
 

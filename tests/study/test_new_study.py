@@ -3,6 +3,7 @@
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 from hypothesis import assume, given, settings
@@ -113,22 +114,22 @@ def test_a_program_gets_its_inputs_from_placeholders_in_their_order(command_line
 
 
 def test_a_data_file_gives_its_columns_and_claims_nothing_of_its_points(command_line, tmp_path):
-    heading = "load [kN],span,peak [MPa],bend [mm],note,2nd [m],sag [spans],status,reason\n"
-    rows = "4,2,,7,a,1,1,failed,diverged\n5,2,FAIL,8,b,1,1,,\n6,3,31,9,c,1,1,ok,\n"
+    heading = "load [kN],span,2nd [m],peak [MPa],bend [mm],note,sag [spans],status,reason\n"
+    rows = "4,2,1,,7,a,1,failed,diverged\n5,2,3,FAIL,8,b,1,,\n6,3,1,31,9,c,1,ok,\n"
     (tmp_path / "runs.csv").write_text(heading + rows)
     content = _written(command_line, "runs.csv")
     assert content["model"] == {
         "data": "runs.csv",
         "outputs": ["peak", "bend"],  # an input has no blank; the last column
-        "ignore": ["note", "2nd", "sag"],
+        "ignore": ["note", "sag"],
+        "columns": {"column_2nd": "2nd [m]"},
         "units": {"span": "1"},
     }
     assert content["designs"] == {"runs": {"kind": "data"}}
     text = Path("study.toml").read_text(encoding="utf-8")
     for comment in (
-        'inputs = ["load", "span"]',
+        'inputs = ["load", "span", "column_2nd"]',
         '"note" has texts',
-        '"2nd" is no name that a variable can have',
         '"sag" has no unit that is known: "spans"',
         "The column status: what became of each run.",
         "independent = true",
@@ -137,9 +138,31 @@ def test_a_data_file_gives_its_columns_and_claims_nothing_of_its_points(command_
         assert f"\n# {comment}\n" in text
     assert "the study is right" in command_line("check", "study.toml").out
     # What stands in comments is right, too.
-    for line in ("[inputs]", "load = ", "span = ", "independent = true"):
+    for line in ("[inputs]", "load = ", "span = ", "column_2nd = ", "independent = true"):
         text = text.replace(f"# {line}", line)
     assert parse_study(text, folder=tmp_path).designs["runs"].sampling.is_sample
+
+
+def test_a_table_of_a_spreadsheet_gives_its_headings_and_outputs(command_line, tmp_path):
+    rng = np.random.default_rng(1)
+    rain, area, slope = rng.gamma(4, 10, 500), rng.uniform(1, 9, 500), rng.uniform(0.01, 0.1, 500)
+    peak = rain * area * slope**0.5
+    columns = {
+        "Run": np.arange(500),
+        "Rain (mm)": rain,
+        "Area [km2]": area,
+        "Bed slope": slope,
+        "Peak flow (m3/s)": peak,
+        "T_peak [h]": area / slope**0.5,
+        "flooded": (peak > 40).astype(int),
+    }
+    pd.DataFrame(columns).to_csv(tmp_path / "runs.csv", index=False)
+    model = _written(command_line, "runs.csv")["model"]
+    assert model["outputs"] == ["Peak_flow", "T_peak", "flooded"]
+    assert model["columns"] == {"Bed_slope": "Bed slope", "Peak_flow": "Peak flow (m3/s)"}
+    assert model["ignore"] == ["Run"]
+    assert '\n# "Run" numbers the runs\n' in Path("study.toml").read_text(encoding="utf-8")
+    assert "the study is right" in command_line("check", "study.toml").out
 
 
 @pytest.mark.parametrize("name", ["dakota.dat", "easyvvuq.csv", "openturns.csv"])

@@ -27,6 +27,8 @@ from uqpen.core.netcdf.opening import (
 from uqpen.core.units import DIMENSIONLESS, NUMBER, are_convertible, describe, scale
 
 _NUMBER = re.compile(NUMBER)
+# A heading with its unit in round brackets, which may hold a pair of them: ``flux (kg/(m2 s))``.
+_ROUND = re.compile(r"(?P<name>.*[^\s(])\s*\((?P<unit>(?:[^()]|\([^()]*\))*)\)", re.DOTALL)
 
 # No heading and no number comes near these numbers of characters.
 _LONGEST_HEADING, _LONGEST_NUMBER = 1000, 4000
@@ -187,10 +189,15 @@ class _Entries:
 
 
 def heading_parts(text: str, place: str) -> tuple[str, str]:
-    """Return the name and the unit of a heading ``name [unit]``; `place` is for the error."""
+    """Return the name and the unit of a heading ``name [unit]`` or ``name (unit)``.
+
+    TableError, with `place`, if the brackets of the unit have no end or no name before them.
+    """
     if len(text) > _LONGEST_HEADING:
-        found = f"a heading of {len(text)} characters, expected at most {_LONGEST_HEADING}"
-        raise TableError(f"{place}: found {found}")
+        longest = f"a heading of {len(text)} characters, expected at most {_LONGEST_HEADING}"
+        raise TableError(f"{place}: found {longest}")
+    if not {*"[]"} & {*text} and (found := _ROUND.fullmatch(text.strip())):
+        return found["name"].strip(), found["unit"].strip() or DIMENSIONLESS
     name, bracket, unit = text.strip().removesuffix("]").partition("[")
     is_closed = text.rstrip().endswith("]")
     if not name.strip() or is_closed != bool(bracket) or {*"[]"} & {*name, *unit}:

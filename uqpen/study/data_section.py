@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import unicodedata
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -51,6 +53,15 @@ class _Declaration:
     inputs: list[str] | None
     ignored: list[str]
     units: Mapping[str, str]
+    headings: Mapping[str, str]  # those of columns that have other names in the study
+
+
+def variable_name(heading: str) -> str:
+    """Return a name that a variable can have, for a heading without its unit."""
+    plain = unicodedata.normalize("NFKD", heading).encode("ascii", "ignore").decode()
+    name = re.sub(r"[^A-Za-z0-9]+", "_", plain).strip("_")[:90] or "column"
+    name = name if name[0].isalpha() else f"column_{name}"
+    return f"{name}_value" if name in RESERVED else name
 
 
 def read_data(table: TableReader) -> Model | None:
@@ -66,10 +77,17 @@ def read_data(table: TableReader) -> Model | None:
     for name, unit in units.content.items():
         if not isinstance(unit, str):
             units.add_wrong(name, unit, 'a unit such as "mm"')
+    headings = table.table("columns")
+    for name, heading in headings.content.items():
+        if not isinstance(heading, str):
+            headings.add_wrong(name, heading, 'the heading of a column, such as "Rain (mm)"')
+        elif not NAME.match(name) or name in RESERVED:
+            expected = f'another name, such as {variable_name(name)} = "{heading}"'
+            headings.add_problem(name, f'"{name}", which no variable can be called', expected)
     table.check_unknown_keys()
     if len(table.problems) > noted or file is None or outputs is None:
         return None
-    declared = _Declaration(file, outputs, inputs, ignored or [], units.content)
+    declared = _Declaration(file, outputs, inputs, ignored or [], units.content, headings.content)
     try:
         return _read_file(table, declared)
     except SettingsError as error:
@@ -120,12 +138,13 @@ def _read_file(table: TableReader, declared: _Declaration) -> DataModel | None:
     path = table.folder / Path(declared.file)
     content = (table.document.objects or {}).get(table.path)
     file = data_file(path, content) if isinstance(content, bytes) else read_data_file(path)
+    noted = len(table.problems)
+    file = _renamed(table, file, declared.headings)
     columns = {column.name: column for column in file.columns}
     names = declared.inputs
     if names is None:
         no_input = {*declared.outputs, *declared.ignored, *OTHER_COLUMNS}
-        names = [name for name in columns if name not in no_input]
-    noted = len(table.problems)
+        names = [name for name in columns if not {name, columns[name].heading} & no_input]
     _check_names(table, file, declared, names)
     units = dict(_units(table, file, declared, [*names, *declared.outputs]))
     if len(table.problems) > noted:
@@ -145,11 +164,36 @@ def _read_file(table: TableReader, declared: _Declaration) -> DataModel | None:
     )
 
 
+def _renamed(table: TableReader, file: DataFile, headings: Mapping[str, str]) -> DataFile:
+    """Return a file with the names that the study gives to columns; note a wrong heading."""
+    named: dict[str, str] = {}  # by the names in the file
+    for name, heading in headings.items():
+        written = [each.heading or each.name for each in file.columns]
+        found = [each for each in file.columns if heading.strip() in (each.heading, each.name)]
+        if not found:
+            expected = choices(heading, written)
+            table.add_problem(("columns", name), f'no column "{heading}" in {file.name}', expected)
+        elif found[0].name in named:
+            both = f'"{heading}", which is {named[found[0].name]} already'
+            table.add_problem(("columns", name), both, "one name for a column")
+        else:
+            named[found[0].name] = name
+    kept = {each.name for each in file.columns} - {*named}
+    for column, name in list(named.items()):
+        if name in kept:
+            both = f'"{headings[name]}", and another column "{name}" in {file.name}'
+            table.add_problem(("columns", name), both, "names that differ")
+            del named[column]
+    renamed = tuple(replace(each, name=named.get(each.name, each.name)) for each in file.columns)
+    return replace(file, columns=renamed)
+
+
 def _check_names(
     table: TableReader, file: DataFile, declared: _Declaration, inputs: Sequence[str]
 ) -> None:
     """Note names that the file has no column of, or that cannot be those of variables."""
     columns = [column.name for column in file.columns]
+    by_heading = {each.heading: each.name for each in file.columns if each.heading}
     if not inputs:
         table.add_problem(DATA, f"no input in {file.name}", "a column for each input")
     for key, names in (
@@ -159,33 +203,41 @@ def _check_names(
         ("units", declared.units),
     ):
         for position, name in enumerate(names):
-            if name not in columns:
-                place = (key, name) if key == "units" else (key, position)
+            place = (key, name) if key == "units" else (key, position)
+            if name in columns or (key == "ignore" and name in by_heading):
+                continue
+            if name in by_heading:
+                found, expected = "the heading of a column", _as_variable(by_heading[name], name)
+                table.add_problem(place, f'"{name}", {found} in {file.name}', expected)
+            else:
                 table.add_problem(
                     place, f'no column "{name}" in {file.name}', choices(name, columns)
                 )
-    others = ", ".join(sorted(RESERVED))
-    for name in [*inputs, *declared.outputs]:
+    for name in filter(columns.__contains__, [*inputs, *declared.outputs]):
         if not NAME.match(name) or name in RESERVED:
-            expected = f"names of letters, digits and _, at most 100, none of {others}"
-            ignored = f'; ignore = ["{name}"] leaves it out'
-            table.add_problem(DATA, f'a column "{name}" in {file.name}', expected + ignored)
+            heading = file.column(name).heading or name
+            expected = f'{_as_variable(name, heading)}; ignore = ["{name}"] leaves it out'
+            table.add_problem(DATA, f'a column "{heading}" in {file.name}', expected)
     for name in {*inputs} & {*declared.outputs}:
         table.add_problem("outputs", f'"{name}", which is an input', "names that differ")
+
+
+def _as_variable(name: str, heading: str) -> str:
+    """Return how a study can name a column."""
+    if NAME.match(name) and name not in RESERVED:
+        return f'its name, "{name}"'
+    own = variable_name(name)
+    return f"a name such as {own}, by [model.columns] {own} = {toml_text(heading)}"
 
 
 def _units(
     table: TableReader, file: DataFile, declared: _Declaration, names: Sequence[str]
 ) -> Iterator[tuple[str, str]]:
-    """Yield the unit of each column: that of its heading, else the one that the study states."""
+    """Yield the unit of each column: the one that the study states, else that of its heading."""
     columns = {column.name: column for column in file.columns}
     for name in filter(columns.__contains__, names):
         written, stated = columns[name].unit, declared.units.get(name)
-        if written and stated:
-            found = f'"{stated}", and "{written}" in the heading'
-            table.add_problem(("units", name), found, "one of them")
-            continue
-        unit = written or stated or DIMENSIONLESS
+        unit = stated or written or DIMENSIONLESS
         try:
             si_unit(unit)
         except QuantityError as error:

@@ -5,19 +5,20 @@ from __future__ import annotations
 import ast
 import json
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from scipy.stats import rankdata
 
 from uqpen.core.errors import ModelError, QuantityError, SettingsError, UnknownNameError, toml_text
 from uqpen.core.labels import NAME, REPLICATE, RESERVED, WEIGHT
 from uqpen.core.lookup import choices
 from uqpen.core.units import DIMENSIONLESS, scale, si_unit
 from uqpen.models.command.program import names_in
-from uqpen.models.data.data_file import DataColumn, DataFile, read_data_file
+from uqpen.models.data.data_file import DataColumn, read_data_file
 from uqpen.models.data.data_model import REASON, STATUS, data_coordinates, data_results
-from uqpen.study.data_section import OTHER_COLUMNS
+from uqpen.study.data_section import OTHER_COLUMNS, variable_name
 
 FILL_IN = "FILL IN"
 # Width of an input that nothing is known of, relative to its nominal value.
@@ -354,6 +355,13 @@ _MEANINGS = {
 }
 
 
+# Headings of the number of a run, in small letters.
+_NUMBERING = frozenset({"run", "id", "no", "nr", "number", "index", "case", "sample", "row", "#"})
+# Rows that tell whether a column follows from others, for each of these columns, and at most. The
+# ranks of inputs that are drawn together share less of their variance.
+_FEWEST_RANKED, _MOST_RANKED, _SHARE_OF_OUTPUT = 10, 10_000, 0.3
+
+
 @dataclass(frozen=True)
 class DataDraft:
     """Draft of a study of a data file."""
@@ -366,6 +374,7 @@ class DataDraft:
     guess: str  # why these are taken for outputs
     others: tuple[str, ...]  # the columns with a meaning of their own
     ignored: dict[str, str]  # why a column can be neither input nor output, by name
+    headings: dict[str, str]  # the headings of columns that are no names, by those given to them
 
     def text(self, file: str) -> str:
         """Return the text of a study file of this name; `uqpen check` accepts it as it is."""
@@ -385,6 +394,10 @@ class DataDraft:
             yield f"ignore = {_list(self.ignored)}"
         yield from (f"# The column {name}: {_MEANINGS[name]}." for name in self.others)
         yield ""
+        if self.headings:
+            yield line("[model.columns]", "headings in the file, by the names of this study")
+            yield from (f"{name} = {toml_text(text)}" for name, text in self.headings.items())
+            yield ""
         if bare := [each.name for each in (*self.inputs, *self.outputs) if not each.unit]:
             yield line("[model.units]", "of columns without a unit in their heading")
             yield from (
@@ -433,10 +446,22 @@ def data_draft(path: Path, reference: str) -> DataDraft:
         data_coordinates(file, ())
     except SettingsError as error:
         raise ModelError(f"{path}: {_described(error)}") from None
-    ignored = dict(_ignored(file))
-    variables = [
-        each for each in file.columns if each.name not in ignored and each.name not in OTHER_COLUMNS
-    ]
+    ignored: dict[str, str] = {}
+    headings: dict[str, str] = {}
+    variables: list[DataColumn] = []
+    for column in file.columns:
+        if column.name in OTHER_COLUMNS:
+            continue
+        if reason := _fault(column):
+            ignored[column.name] = reason
+            continue
+        if not NAME.match(name := column.name) or name in RESERVED:
+            taken = {each.name for each in (*file.columns, *variables)}
+            bare = name = variable_name(column.name)
+            while name in taken:
+                name = f"{bare}_{len(headings) + 2}"
+            headings[name] = column.heading or column.name
+        variables.append(replace(column, name=name, unit=column.unit if _has_unit(column) else ""))
     outputs = _outputs(variables)
     inputs = tuple(each for each in variables if each not in outputs)
     if not inputs or not outputs:
@@ -450,42 +475,60 @@ def data_draft(path: Path, reference: str) -> DataDraft:
         rows=file.rows,
         inputs=inputs,
         outputs=outputs,
-        guess="the last column" if _is_whole(outputs[0]) else "columns with gaps, and the last",
+        guess="columns with gaps, and the last that follow from those before",
         others=tuple(each.name for each in file.columns if each.name in OTHER_COLUMNS),
         ignored=ignored,
+        headings=headings,
     )
 
 
 def _outputs(variables: list[DataColumn]) -> tuple[DataColumn, ...]:
-    """Return the columns with a blank, which no input has, and the last one if one is left."""
+    """Return the columns with a blank, which no input has, and the last that follow from others."""
     blank = [each for each in variables if not _is_whole(each)]
-    wanted = {each.name for each in (*blank, *variables[-1:])}
+    first = max(len(variables) - 1, 0)
+    while first > 1 and _follows(variables[first - 1], variables[: first - 1]):
+        first -= 1
+    wanted = {each.name for each in (*blank, *variables[first:])}
     if len(wanted) == len(variables):
         wanted = {each.name for each in blank}
     return tuple(each for each in variables if each.name in wanted)
 
 
-def _ignored(file: DataFile) -> Iterator[tuple[str, str]]:
-    """Yield the columns that can be no variable of a study, with the reason."""
-    for column in file.columns:
-        if column.name in OTHER_COLUMNS:
-            continue
-        if not NAME.match(column.name) or column.name in RESERVED:
-            yield column.name, "is no name that a variable can have"
-        elif reason := _fault(column):
-            yield column.name, reason
+def _follows(column: DataColumn, earlier: Sequence[DataColumn]) -> bool:
+    """Check whether a column follows from those before: by a share of the variance of its ranks."""
+    numbers = np.array([each.numbers()[:_MOST_RANKED] for each in (*earlier, column)])
+    ranks = rankdata(numbers[:, np.isfinite(numbers).all(axis=0)], axis=1)
+    if ranks.shape[1] < _FEWEST_RANKED * len(numbers) or not ranks[-1].std():
+        return False
+    *others, own = ranks - ranks.mean(axis=1, keepdims=True)
+    unexplained = own - np.transpose(others) @ np.linalg.lstsq(np.transpose(others), own)[0]
+    return bool(1 - unexplained.var() / own.var() >= _SHARE_OF_OUTPUT)
 
 
 def _fault(column: DataColumn) -> str:
     """Return why the entries of a column are no values of a variable; empty if they are."""
-    try:
-        si_unit(column.unit or DIMENSIONLESS)
-        numbers = column.numbers()
-    except QuantityError:
+    # What stands in round brackets need not be a unit.
+    if not _has_unit(column) and not column.heading.endswith(")"):
         return f"has no unit that is known: {toml_text(column.unit)}"
+    try:
+        numbers = column.numbers()
     except SettingsError:
         return "has texts"
-    return "" if np.isfinite(numbers).any() else "has no number"
+    if not np.isfinite(numbers).any():
+        return "has no number"
+    is_number = numbers.size > 1 and not column.unit and bool((np.diff(numbers) == 1).all())
+    if is_number and (column.name.lower() in _NUMBERING or numbers.size >= _FEWEST_RANKED):
+        return "numbers the runs" if numbers[0] in (0, 1) else ""
+    return ""
+
+
+def _has_unit(column: DataColumn) -> bool:
+    """Check that the unit of a heading is known; a missing one is."""
+    try:
+        si_unit(column.unit or DIMENSIONLESS)
+    except QuantityError:
+        return False
+    return True
 
 
 def _is_whole(column: DataColumn) -> bool:

@@ -216,7 +216,7 @@ def _parts(heading: str) -> tuple[str, str]:
         name, unit = heading_parts(heading, _NAME)
     except TableError:
         return heading, ""  # whoever reads the file says what is wrong with it
-    return name, unit if "[" in heading else ""
+    return name, unit if {*"[("} & {*heading} else ""
 
 
 def _frame(data: Any) -> pd.DataFrame:

@@ -474,7 +474,7 @@ def _own_name(
     """Return the name of a run's own coordinates, and their unit if it is written behind it."""
     try:
         name, unit = heading_parts(written if isinstance(written, str) else "", "")
-        is_alike = "[" not in str(written) or are_convertible(unit, dimension.unit)
+        is_alike = not {*"[("} & {*str(written)} or are_convertible(unit, dimension.unit)
     except (TableError, QuantityError):
         name, unit, is_alike = "", "", True
     if not NAME.match(name) or name in variables:

@@ -50,7 +50,7 @@ def data_error(found: str, expected: str) -> SettingsError:
 
 
 def name_and_unit(heading: str, file: str) -> tuple[str, str]:
-    """Return the name and the unit of a heading ``name [unit]``; no unit is an empty text.
+    """Return the name and the unit of a heading, as `heading_parts`; no unit is an empty text.
 
     SettingsError if the heading has another form.
     """
@@ -59,7 +59,7 @@ def name_and_unit(heading: str, file: str) -> tuple[str, str]:
     except TableError:
         found = f'the heading "{heading[:_MOST_QUOTED]}" in {file}'
         raise data_error(found, 'headings of the form "name [unit]"') from None
-    return name, unit if unit != DIMENSIONLESS or "[" in heading else ""
+    return name, unit if unit != DIMENSIONLESS or {*"[("} & {*heading} else ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +71,7 @@ class DataColumn:
     entries: Entries  # numbers (NaN for a blank entry), or texts if one of them is no number
     # Returns the place of an entry by its number, such as the file and the line.
     place: Callable[[int], str]
+    heading: str = ""  # its whole heading; empty for that of a variable, which is its name
 
     def numbers(self) -> FloatArray:
         """Return its entries as numbers in its unit, shape (run,); NaN if blank, or for ``fail``.
@@ -188,7 +189,8 @@ def read_text(name: str, content: bytes) -> tuple[DataColumn, ...]:
     frame = table.frame([*table.numbering, *kept])
     table.check_numbering(frame)
     return tuple(
-        DataColumn(*kept[position], _entries(frame[position]), table.place) for position in kept
+        DataColumn(*parts, _entries(frame[place]), table.place, table.headings[place])
+        for place, parts in kept.items()
     )
 
 
@@ -409,7 +411,8 @@ def frame_columns(file: str, frame: Any) -> tuple[DataColumn, ...]:
     columns = []
     for position, heading in enumerate(map(str, frame.columns)):
         name, unit = name_and_unit(heading, file)
-        columns.append(_column(file, name, unit, frame.iloc[:, position].to_numpy(object)))
+        column = _column(file, name, unit, frame.iloc[:, position].to_numpy(object))
+        columns.append(replace(column, heading=heading.strip()))
     return tuple(columns)
 
 
@@ -457,4 +460,15 @@ def read_data_file(path: Path) -> DataFile:
 def data_file(path: Path, content: bytes) -> DataFile:
     """Return the data file of a content; see `read_data_file`."""
     read = _READERS.get(path.suffix.lower(), read_text)
-    return DataFile(FileSnapshot.from_content(path, content), read(path.name, content))
+    return DataFile(FileSnapshot.from_content(path, content), _distinct(read(path.name, content)))
+
+
+def _distinct(columns: tuple[DataColumn, ...]) -> tuple[DataColumn, ...]:
+    """Return columns that differ only by round brackets, as ``T (min)``, under whole headings."""
+    counts = Counter(column.name for column in columns)
+    return tuple(
+        replace(each, name=each.heading, unit="")
+        if counts[each.name] > 1 and each.heading.endswith(")")
+        else each
+        for each in columns
+    )
