@@ -219,24 +219,16 @@ class TestMistakes:
             "dimensions; expected a scalar output: a field is fitted as it is"
         ]
 
-    def test_a_surrogate_of_curves_that_may_end(self, folder):
-        surrogate = '[surrogates.pce]\nkind = "polynomial-chaos"\ndesign = "mc"\n'
-        alone = (STUDY + surrogate).replace('peak = "day-1"\n', "")
-        assert parsed(alone, folder).surrogates
-        field = f'infected = {{ unit = "1", along = {{ {TIME} }}'
-        ending = alone.replace(field, f"{field}, may_end = true")
-        assert problems(ending, folder) == [
-            "surrogates.pce: found a surrogate of infected, recovered, whose curves may end; "
-            "expected an output with numbers that are always there"
-        ]
-
     def test_what_a_surrogate_will_not_fit_is_said_before_any_run(self, folder):
         surrogate = '[surrogates.pce]\nkind = "polynomial-chaos"\ndesign = "mc"\n'
         early = '[outputs.early]\nof = "infected"\ntake = "first_below"\nthreshold = 0.5\n'
         assert list(unfitted_lines(parsed(STUDY + early + surrogate, folder))) == [
-            "pce does not fit recovered: its curves may end",
-            "pce fits early only if no run lacks it, as where infected never falls below 0.5",
+            "surrogates of recovered, which may end: up to the place that all training curves "
+            "reach, or along time scaled by the end of each, whichever predicts runs left out "
+            "better",
+            "a surrogate of early only if no run lacks it, as where infected never lies below 0.5",
         ]
+        assert list(unfitted_lines(parsed(STUDY + early, folder))) == []
 
     def test_models_with_other_coordinates(self, folder):
         head, rest = STUDY.split("[model]\n")

@@ -91,21 +91,27 @@ def surrogate_rows(study: ValidatedStudy) -> Rows:
 
 
 def unfitted_lines(study: ValidatedStudy) -> Iterator[str]:
-    """Yield the outputs that a surrogate will not fit, or not in every case, with the reasons."""
-    for name in study.surrogates:
-        outputs: dict[str, list[str]] = {}
-        for output in study.model.all_outputs:
-            if output.categories:
-                text = "does not fit {}: it has kinds, not numbers"
-            elif output.absent:
-                text = f"fits {{}} only if no run lacks it, as where {output.absent}"
-            elif output.may_end:
-                text = "does not fit {}: its curves may end"
-            else:
-                continue
-            outputs.setdefault(text, []).append(output.name)
-        for text, found in outputs.items():
-            yield f"{name} {text.format(', '.join(found))}"
+    """Yield the outputs that surrogates fit not at all, or not in every case, with the reasons."""
+    companions = {each.output.name for each in study.model.derived if each.output.categories}
+    outputs: dict[str, list[str]] = {}
+    for output in study.model.all_outputs if study.surrogates else ():
+        if output.name in companions:
+            continue
+        if output.categories:
+            text = "no surrogate of {}: it has kinds, not numbers"
+        elif output.absent:
+            text = f"a surrogate of {{}} only if no run lacks it, as where {output.absent}"
+        elif output.may_end:
+            text = (
+                "surrogates of {}, which may end: up to the place that all training curves reach, "
+                f"or along {output.dims[0].title} scaled by the end of each, whichever predicts "
+                "runs left out better"
+            )
+        else:
+            continue
+        outputs.setdefault(text, []).append(output.name)
+    for text, found in outputs.items():
+        yield text.format(", ".join(found))
 
 
 def section_lines(study: ValidatedStudy) -> Iterator[str]:

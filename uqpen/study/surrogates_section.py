@@ -84,7 +84,6 @@ def check_surrogates(
     """Note surrogates that do not fit the designs, the outputs or the inputs, if known."""
     numeric = [output.name for output in model.all_outputs if output.is_number]
     fields = [output.name for output in model.all_outputs if output.dims]
-    whole = [output.name for output in model.outputs if output.dims and not output.may_end]
     for name, surrogate in surrogates.items():
         _check_designs(table, name, surrogate, designs)
         for output in surrogate.transform:
@@ -95,9 +94,6 @@ def check_surrogates(
             elif output not in numeric:
                 expected = f"an output of {model.name} that has numbers; {choices(output, numeric)}"
                 table.add_problem((name, "transform", output), "no such output", expected)
-        if fields and not numeric and not whole:
-            found = f"a surrogate of {', '.join(fields)}, whose curves may end"
-            table.add_problem(name, found, "an output with numbers that are always there")
         if joint is not None and not joint.random:
             which = "that are all fixed" if joint.inputs else "without a distribution"
             table.add_problem(name, f"a surrogate over inputs {which}", "a random input")

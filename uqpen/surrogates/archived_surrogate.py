@@ -351,9 +351,12 @@ def archived_surrogate(
     return ArchivedSurrogate(
         fitted,
         tuple(Input(each, *_texts(runs[each])) for each in inputs),
-        tuple(
-            Output(output.name, *_texts(runs[output.name]), dims=output.dims)
-            for output in fitted.outputs
+        (
+            *(
+                Output(output.name, *_texts(runs[output.name]), dims=output.dims)
+                for output in fitted.outputs
+            ),
+            *(fitted.ends.values() if isinstance(fitted, FieldSurrogate) else ()),
         ),
         {each: _range(runs[each], completed) for each in inputs},
         refuted_outputs(group),

@@ -11,11 +11,9 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.arrays import Arrays, FloatArray, IntArray
-from uqpen.core.labels import RUN, STATUS
 from uqpen.core.lookup import resolve
 from uqpen.core.model import Model
 from uqpen.core.settings import name
-from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.surrogates import SURROGATES
@@ -34,7 +32,7 @@ from uqpen.surrogates.fitted_surrogate import (
     InputShares,
     Prediction,
 )
-from uqpen.surrogates.fitting import CrossFit, cross_fit
+from uqpen.surrogates.fitting import cross_fit
 from uqpen.surrogates.surrogate import Surrogate, components_setting
 from uqpen.surrogates.training import TrainedSurrogate, TrainingRuns
 
@@ -293,7 +291,7 @@ class BestSurrogate(Surrogate):
             kind: cross_fit(each, name, runs, model, joint, stream)
             for kind, each in candidates.items()
         }
-        predictions = {kind: _predictions(each, runs, outputs) for kind, each in fits.items()}
+        predictions = {kind: each.predictions(runs, outputs) for kind, each in fits.items()}
         races = {}
         for output in outputs:
             found = {kind: each[output] for kind, each in predictions.items() if output in each}
@@ -328,19 +326,19 @@ class FixedChoice(BestSurrogate):
     ) -> ChosenSurrogates:
         """Fit each output by its kind; see `Surrogate.fit`."""
         training = TrainingRuns.from_runs(runs, model, joint)
+        # Without curves that end, a model lacks their scores.
+        choice = {key: kind for key, kind in self.choice.items() if key in training.outputs}
         members = {
             kind: each.fit(name, runs, model, joint, stream)
-            for kind, each in _candidates(self, training, list(self.choice)).items()
-            if kind in self.choice.values()
+            for kind, each in _candidates(self, training, list(choice)).items()
+            if kind in choice.values()
         }
-        found = {
-            output: members[kind].reasons.get(output, "") for output, kind in self.choice.items()
-        }
+        found = {output: members[kind].reasons.get(output, "") for output, kind in choice.items()}
         return ChosenSurrogates(
             **training.described(name, self.design),
             outputs=tuple(each for each in model.all_outputs if found.get(each.name) == ""),
             members=members,
-            choice={output: kind for output, kind in self.choice.items() if not found[output]},
+            choice={output: kind for output, kind in choice.items() if not found[output]},
             reasons={output: reason for output, reason in found.items() if reason},
         )
 
@@ -356,21 +354,3 @@ def _candidates(
         **({_LOGARITHM: logarithm} if positive else {}),
         _PROCESS: resolve(SURROGATES[_PROCESS])(design=surrogate.design),
     }
-
-
-def _predictions(found: CrossFit, runs: xr.Dataset, outputs: list[str]) -> dict[str, FloatArray]:
-    """Return the predictions at the completed runs by the fits that have not seen them."""
-    completed = np.flatnonzero(runs[STATUS].values == Status.OK)
-    fold = found.fold[completed]
-    values: dict[str, FloatArray] = {}
-    for output in outputs:
-        if not found.models or any(output in model.reasons for model in found.models):
-            continue
-        values[output] = np.empty(len(completed))
-    for number, model in enumerate(found.models):
-        at = np.flatnonzero(fold == number)
-        inputs, _ = model.completed_runs(runs.isel({RUN: completed[at]}))
-        predicted = model.predict(inputs)
-        for output, array in values.items():
-            array[at] = predicted[output].mean
-    return values

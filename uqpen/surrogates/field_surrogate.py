@@ -14,15 +14,9 @@ from uqpen.core.arrays import Arrays
 from uqpen.core.labels import NOT_FITTED
 from uqpen.core.model import Input, Model, Output, Results
 from uqpen.surrogates.diagnostics import DIAGNOSTICS, shown_diagnostics
-from uqpen.surrogates.field_fit import (
-    FieldFit,
-    PrincipalComponents,
-    ScoreModel,
-    field_components,
-    score_name,
-    scored_runs,
-)
+from uqpen.surrogates.field_fit import FieldFit, ScoreModel, field_components, scored_runs
 from uqpen.surrogates.fitted_surrogate import FittedSurrogate, Prediction
+from uqpen.surrogates.principal_components import PrincipalComponents, score_name
 from uqpen.surrogates.surrogate import Surrogate
 
 
@@ -58,7 +52,17 @@ class FieldSurrogate(FittedSurrogate):
         """Predict its outputs, fields in shape (run, *dims); see `FittedSurrogate.predict`."""
         found = self.scalars.predict(inputs)
         fields = {name: each.prediction(found) for name, each in self.fields.items()}
-        return {each.name: fields.get(each.name) or found[each.name] for each in self.outputs}
+        ends = {end.name: found[score] for score, end in self.ends.items()}
+        return ends | {
+            each.name: fields.get(each.name) or found[each.name] for each in self.outputs
+        }
+
+    @property
+    def ends(self) -> dict[str, Output]:
+        """The ends of its curves that end, as outputs, by the names of their scores."""
+        known = {output.name for output in self.outputs}
+        found = {each.names[-1]: end for each in self.fields.values() if (end := each.end)}
+        return {score: end for score, end in found.items() if end.name not in known}
 
     def evaluate(self, inputs: Arrays) -> Results:
         """Return the predicted values without their deviations; see `Model.evaluate`."""
@@ -124,7 +128,7 @@ class FieldSurrogate(FittedSurrogate):
         for output in fields:
             del groups[f"/{output}"], groups[f"/{output}/{DIAGNOSTICS}"]
         scalars = [
-            each for key in outputs for each in (fields[key].scores if key in fields else [key])
+            each for key in outputs for each in (fields[key].names if key in fields else [key])
         ]
         groups["/"] = groups["/"].assign_attrs(outputs=" ".join(scalars))
         components = {key: each.components for key, each in fields.items()}
@@ -155,7 +159,7 @@ def _is_field(group: xr.DataTree) -> bool:
 
 def _paths(fields: Mapping[str, FieldFit]) -> dict[str, str]:
     """Return the path of the group of each score in an archive, by the path of it as an output."""
-    scores = (score for each in fields.values() for score in each.scores)
+    scores = (score for each in fields.values() for score in each.names)
     return {f"/{score}": f"/{score.replace('.', '/')}" for score in scores}
 
 
@@ -178,6 +182,7 @@ def fit_fields(
     model: Model,
     wanted: float,
     fit: Callable[[xr.Dataset, Model], FittedSurrogate],
+    ending: Mapping[str, PrincipalComponents | str],
 ) -> FieldSurrogate:
     """Fit a surrogate of any kind to the scalar outputs of a model and to the scores of its fields.
 
@@ -187,9 +192,13 @@ def fit_fields(
         How many components to keep, as `PrincipalComponents.of_runs` takes it.
     fit : callable
         Fits a surrogate to runs of a model with scalar outputs alone.
+    ending : mapping of str to PrincipalComponents or str
+        The components of curves that may end, or the reasons why there are none.
     """
     found = {
-        each.name: field_components(each, runs, wanted) for each in model.all_outputs if each.dims
+        each.name: ending.get(each.name) or field_components(each, runs, wanted)
+        for each in model.all_outputs
+        if each.dims
     }
     reasons = {key: each for key, each in found.items() if isinstance(each, str)}
     components = {k: each for k, each in found.items() if isinstance(each, PrincipalComponents)}
@@ -227,8 +236,9 @@ def fit_fields(
 
 def _reason(field: str, components: PrincipalComponents, scalars: FittedSurrogate) -> str:
     """Return why one of the scores of a field could not be fitted; empty if all could."""
-    for number in range(components.count):
-        reason = scalars.reasons.get(score_name(field, number))
+    for number, name in enumerate(components.names(field)):
+        reason = scalars.reasons.get(name)
         if reason:
-            return f"principal component {number + 1}: {reason}"
+            what = f"principal component {number + 1}" if number < components.count else "its end"
+            return f"{what}: {reason}"
     return ""

@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from uqpen.core.arrays import IntArray
-from uqpen.core.labels import REFINED_FOR, REPLICATE, RUN, SAMPLING, WEIGHT
+from uqpen.core.arrays import FloatArray, IntArray
+from uqpen.core.labels import REFINED_FOR, REPLICATE, RUN, SAMPLING, STATUS, WEIGHT
 from uqpen.core.model import Model
 from uqpen.core.processors import one_blas_thread
 from uqpen.core.sampling import Sampling
+from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.models.user_code import error_text
+from uqpen.surrogates.ending_curves import EndingComponents, best_way
+from uqpen.surrogates.field_fit import FieldCheck, ScoreModel, field_components, scored_runs
 from uqpen.surrogates.field_surrogate import fit_fields
 from uqpen.surrogates.fitted_surrogate import FittedSurrogate, Prediction
 from uqpen.surrogates.output_surrogate import unfitted
+from uqpen.surrogates.principal_components import PrincipalComponents
 from uqpen.surrogates.surrogate import Surrogate
 
 if TYPE_CHECKING:
@@ -40,11 +45,14 @@ def fit_surrogate(
     model: Model,
     joint: JointDistribution,
     stream: Stream,
+    *,
+    has_ending_curves: bool = True,
 ) -> FittedSurrogate:
     """Fit a surrogate as `Surrogate.fit` does, and to fields by their principal components.
 
-    Where a user-defined surrogate raises an error, or gives what is no fitted
-    surrogate, that is the reason why no output is fitted.
+    Curves that end take further fits, to parts of the runs, and can be left out. Where a
+    user-defined surrogate raises an error, or gives what is no fitted surrogate, that is the reason
+    why no output is fitted.
     """
 
     def fit(runs: xr.Dataset, model: Model) -> FittedSurrogate:
@@ -60,8 +68,74 @@ def fit_surrogate(
         return unfitted(surrogate, name, runs, model, joint, f"its fit fails: {fault}")
 
     if any(output.dims for output in model.all_outputs):
-        return fit_fields(name, runs, model, surrogate.components, fit)
+        ending: Mapping[str, PrincipalComponents | str] = {
+            output.name: "its curves may end" for output in model.all_outputs if output.may_end
+        }
+        if has_ending_curves and ending:
+
+            def leave_out(runs: xr.Dataset, model: Model) -> CrossFit:
+                again = surrogate.for_refits(fit(runs, model))
+                return cross_fit(again, name, runs, model, joint, stream)
+
+            ending = _chosen_ways(model, runs, surrogate.components, leave_out)
+        return fit_fields(name, runs, model, surrogate.components, fit, ending)
     return fit(runs, model)
+
+
+# Curves that end: the way to take them that predicts runs left out best.
+
+
+def _chosen_ways(
+    model: Model,
+    runs: xr.Dataset,
+    wanted: float,
+    leave_out: Callable[[xr.Dataset, Model], CrossFit],
+) -> dict[str, PrincipalComponents | str]:
+    """Return the components of curves that may end, or the reasons why there are none.
+
+    Those up to the place that all reach and those along the scaled coordinate each predict runs
+    that their fits have not seen; the errors up to that place decide, see `best_way`. The
+    components are of all runs.
+    """
+    outputs = [output for output in model.all_outputs if output.may_end]
+    common, scaled = (
+        {each.name: field_components(each, runs, wanted, is_scaled=is_scaled) for each in outputs}
+        for is_scaled in (False, True)
+    )
+    errors = [_errors_left_out(ways, model, runs, leave_out) for ways in (common, scaled)]
+    return {
+        name: best_way(common[name], scaled[name], *(e.get(name) for e in errors))
+        for name in common
+    }
+
+
+def _errors_left_out(
+    ways: Mapping[str, PrincipalComponents | str],
+    model: Model,
+    runs: xr.Dataset,
+    leave_out: Callable[[xr.Dataset, Model], CrossFit],
+) -> dict[str, tuple[float, float]]:
+    """Return shares of the variance of each curve that fits leave at runs they have not seen.
+
+    They are up to the place that all curves reach, and of the whole; without those that no fold
+    can predict.
+    """
+    ending = {name: each for name, each in ways.items() if isinstance(each, EndingComponents)}
+    if not ending:
+        return {}
+    scored = scored_runs(runs, ending)
+    folds = leave_out(scored, ScoreModel(model, ending, has_scalars=False))
+    names = {name: each.names(name) for name, each in ending.items()}
+    predicted = folds.predictions(scored, [score for each in names.values() for score in each])
+    completed = runs[STATUS].values == Status.OK
+    found = {}
+    for name, each in ending.items():
+        if predicted.keys() >= set(names[name]):
+            scores = np.column_stack([predicted[score] for score in names[name]])
+            truth = runs[name].values[completed].astype(np.float64)
+            whole = FieldCheck.of_runs(each, scores, truth).left
+            found[name] = (each.left_in_common(scores, truth), whole)
+    return found
 
 
 def _fault(surrogate: Surrogate, fitted: object, runs: xr.Dataset) -> str:
@@ -121,6 +195,25 @@ class CrossFit:
     models: tuple[FittedSurrogate, ...]  # by fold, the fit to the other ones; none with a reason
     reason: str = ""  # reason why there are no folds; empty where there are
 
+    def predictions(self, runs: xr.Dataset, outputs: Iterable[str]) -> dict[str, FloatArray]:
+        """Return predictions at the completed runs by the fits that have not seen them.
+
+        They are of the outputs that all fits have.
+        """
+        completed = np.flatnonzero(runs[STATUS].values == Status.OK)
+        values = {
+            output: np.empty(len(completed))
+            for output in outputs
+            if self.models and not any(output in model.reasons for model in self.models)
+        }
+        for number, model in enumerate(self.models):
+            at = np.flatnonzero(self.fold[completed] == number)
+            inputs, _ = model.completed_runs(runs.isel({RUN: completed[at]}))
+            predicted = model.predict(inputs)
+            for output, array in values.items():
+                array[at] = predicted[output].mean
+        return values
+
     @classmethod
     def without_folds(cls, runs: int, reason: str) -> CrossFit:
         """Return no fits, for a reason."""
@@ -163,6 +256,7 @@ def cross_fit(
             model,
             joint,
             stream.child("cross_fitting", left_out),
+            has_ending_curves=False,
         )
         for left_out in range(int(fold.max()) + 1)
     )

@@ -138,7 +138,15 @@ class RefinedDesign(Design):
         from uqpen.surrogates.fitting import cross_fit, fit_surrogate, is_built_in
 
         runs = join_rounds(rounds).assign_attrs({SAMPLING: str(self.sampling)})
-        fitted = fit_surrogate(self.surrogate, self.name, runs, model.model, joint, stream)
+        fitted = fit_surrogate(
+            self.surrogate,
+            self.name,
+            runs,
+            model.model,
+            joint,
+            stream,
+            has_ending_curves=False,
+        )
         again = self.surrogate.for_refits(fitted.without_fields)
         folds = cross_fit(again, self.name, runs, model.model, joint, stream)
         try:

@@ -23,6 +23,7 @@ from uqpen.core.catalogue import CATALOGUE, REQUESTED
 from uqpen.core.labels import (
     BOUND,
     BOUNDS,
+    CONDITIONAL,
     ESTIMATOR,
     EXCEEDANCE,
     INPUT,
@@ -54,6 +55,7 @@ from uqpen.statistics.surrogate.surrogate_draws import (
 )
 from uqpen.statistics.surrogate.surrogate_indices import surrogate_indices
 from uqpen.surrogates.chaos.expansion import input_shares
+from uqpen.surrogates.ending_curves import EndingComponents
 from uqpen.surrogates.field_fit import FieldFit
 from uqpen.surrogates.field_surrogate import FieldSurrogate
 
@@ -234,6 +236,7 @@ Arrays = Iterator[tuple[str, xr.DataArray]]
 
 _FROM_COEFFICIENTS = "from the coefficients"
 
+_REACHED = "reached"
 _BY_DRAWS = (QUANTILES, EXCEEDANCE)
 
 # The dimension of a part of the places.
@@ -253,21 +256,28 @@ class _Field:
 
     def statistics(self, only: Collection[str] | None) -> Arrays:
         """Yield all statistics of some groups, by default of all."""
-        if only is None or MOMENTS in only:
+        if not self.is_scaled and (only is None or MOMENTS in only):
             yield from self.moments()
-        for group in _BY_DRAWS:
+        for group in (MOMENTS, _REACHED, *_BY_DRAWS) if self.is_scaled else _BY_DRAWS:
             if only is None or group in only:
                 yield from self.by_draws(group)
         if only is None or SENSITIVITY in only:
             yield from self.indices()
 
+    @property
+    def is_scaled(self) -> bool:
+        """True if the components are along a scaled coordinate, so no place is a sum of scores."""
+        parts = self.fit.components
+        return isinstance(parts, EndingComponents) and parts.is_scaled
+
     @cached_property
     def sample(self) -> Sample:
-        """The scores at the draws, shape (run, component)."""
+        """The scores at the draws, shape (run, component); of scaled curves with their ends."""
         runs = LoadedDataset.of(self.draws.runs)
-        samples = samples_of(runs, self.fit.scores)
-        values = [samples[name].values for name in self.fit.scores]
-        return replace(samples[self.fit.scores[0]], values=np.column_stack(values))
+        names = self.fit.names if self.is_scaled else self.fit.scores
+        samples = samples_of(runs, names)
+        values = [samples[name].values for name in names]
+        return replace(samples[names[0]], values=np.column_stack(values))
 
     @cached_property
     def terms(self) -> tuple[IntArray, FloatArray] | None:
@@ -290,7 +300,7 @@ class _Field:
         else:
             centre, matrix = np.full(len(parts), np.nan), np.full((len(parts),) * 2, np.nan)
         variance = ((matrix @ parts) * parts).sum(axis=0)
-        mean = self.fit.components.fields(centre[None])[0]
+        mean = self.fit.components.sums(centre[None])[0]
         estimator = _FROM_COEFFICIENTS if self.terms else self.draws.sampling_estimator
         output = self.quantity.output
         for name, values, title in (
@@ -328,15 +338,21 @@ class _Field:
         """Yield the field at the draws, in parts of some places each."""
         components, size = self.fit.components, max(_MOST_VALUES // max(self.sample.size, 1), 1)
         for start in range(0, len(components.mean), size):
-            values = components.at(slice(start, start + size)).fields(self.sample.values)
+            part = slice(start, start + size)
+            if isinstance(components, EndingComponents) and self.is_scaled:
+                values = components.curves_at(self.sample.values, part)
+            else:
+                values = components.at(part).sums(self.sample.values)
             along = Dimension(_PLACE, "1", values=tuple(range(values.shape[1])))
-            output = replace(self.quantity.output, dims=(along,))
+            output = replace(self.quantity.output, dims=(along,), may_end=self.is_scaled)
             yield FieldSample(replace(self.sample, values=values), output)
 
     def indices(self) -> Arrays:
         """Yield Sobol' indices and Shapley effects at each place and of the whole field."""
         joint, parts, shares = self.draws.joint, self.fit.components.components, None
-        if self.terms:
+        if self.is_scaled:
+            estimator = self.draws.pairs_estimator
+        elif self.terms:
             estimator = _FROM_COEFFICIENTS
             shares = _closed_form_shares(*self.terms, parts)
         else:
@@ -347,7 +363,7 @@ class _Field:
         for name, title in _INDICES.items():
             places = () if name.startswith("generalized_") else (parts.shape[1],)
             values = None if shares is None else shares[name]
-            reason = joint.conditional_reason
+            reason = texts.SCALED_CURVES if self.is_scaled else joint.conditional_reason
             if values is None or ("total" in name and not joint.is_independent):
                 values = np.full((*places, len(names)), np.nan)
                 reason = reason or texts.DEPENDENT_INPUTS
@@ -379,6 +395,15 @@ class _Field:
         What is NaN has a reason.
         """
         dims = self.quantity.output.dims if values.ndim > len(own) else ()
+        reasons = np.full(values.shape, reason, dtype=object)
+        attributes = {ESTIMATOR: estimator}
+        if dims and self.is_scaled:
+            attributes[CONDITIONAL] = texts.REACHED
+        parts = self.fit.components
+        if dims and isinstance(parts, EndingComponents):
+            beyond = [(0, len(parts.places) - len(values)), *[(0, 0)] * (values.ndim - 1)]
+            values = np.pad(values, beyond, constant_values=np.nan)
+            reasons = np.pad(reasons, beyond, constant_values=parts.beyond_text)
         shape = (*(len(each.values) for each in dims), *values.shape[values.ndim - len(own) :])
         bounds = np.full((values.size, len(BOUNDS)), np.nan)
         bounds[:, 0] = values.ravel()
@@ -388,10 +413,10 @@ class _Field:
             {
                 INTERVAL: "none",
                 INTERVAL_LABEL: "none",
-                NOTE: np.where(np.isfinite(values), self.fit.text, reason).astype(object),
+                NOTE: np.where(np.isfinite(values), self.fit.text, reasons).astype(object),
             },
             units=unit,
             long_name=title,
-            attributes={ESTIMATOR: estimator},
+            attributes=attributes,
             coordinates={**field_coordinates(dims), **coordinates},
         )

@@ -1,0 +1,275 @@
+"""Surrogates of curves that end: the two ways, the choice between them, and the end itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+import xarray as xr
+from click.testing import CliRunner
+
+import uqpen
+from uqpen.cli.predict import predict
+from uqpen.cli.show import show
+from uqpen.core.labels import SAMPLING
+from uqpen.core.model import Dimension, Input, Model, Output, Results
+from uqpen.core.streams import Stream
+from uqpen.designs.latin_hypercube import LatinHypercube
+from uqpen.designs.monte_carlo import MonteCarlo
+from uqpen.designs.quadrature import Quadrature
+from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
+from uqpen.distributions.univariate import Uniform
+from uqpen.execution import Evaluator, evaluate
+from uqpen.surrogates.archived_surrogate import restore_surrogate
+from uqpen.surrogates.chaos.polynomial_chaos import PolynomialChaos
+from uqpen.surrogates.fitting import fit_surrogate
+
+PLACES = np.linspace(0.0, 12.0, 601)
+TIME = Dimension("time", "s", values=tuple(PLACES))
+STEP = PLACES[1]
+
+
+@dataclass(frozen=True, eq=False)
+class Family(Model):
+    """Curves of height x over a time until z: of t/z, a decay that is cut, or of a fixed event."""
+
+    family: str
+    name = "family"
+    inputs = (Input("x", "1"), Input("z", "s"))
+    outputs = (Output("curve", "V", "course", "V", dims=(TIME,), may_end=True),)
+
+    def curves(self, x, z, time):
+        if self.family == "scaled":
+            return x[:, None] * (2 + np.cos(3 * time / z[:, None])) + (time / z[:, None]) ** 3
+        if self.family == "decay":
+            return 5 * np.exp(-time / 4) + 0.1 * x[:, None] * (1 + 0.1 * x[:, None] * time)
+        return x[:, None] * (1 + np.tanh((time - 4) / 0.2)) + 0.05 * time
+
+    def evaluate(self, inputs):
+        found = self.curves(inputs["x"], inputs["z"], PLACES)
+        ended = inputs["z"][:, None] < PLACES
+        return Results.all_ok({"curve": np.where(ended, np.nan, found)})
+
+
+UNIFORMS = JointDistribution(
+    tuple(
+        RandomInput(variable, Uniform(*ends), variable.unit)
+        for variable, ends in zip(Family.inputs, ((0.5, 1.5), (7.0, 11.0)), strict=True)
+    ),
+    Family.inputs,
+)
+CHAOS = PolynomialChaos(design="t", components=0.999999)
+
+
+def runs_of(model, design, seed=1):
+    points = next(iter(design.rounds(UNIFORMS, Stream(seed, "designs", "some"))))
+    return evaluate(Evaluator(model), points, {}).assign_attrs({SAMPLING: str(design.sampling)})
+
+
+def fitted(family, surrogate=CHAOS, design=None):
+    model = Family(family)
+    runs = runs_of(model, design or LatinHypercube(runs=200))
+    return fit_surrogate(surrogate, "pce", runs, model, UNIFORMS, Stream(1, "surrogates"))
+
+
+@pytest.fixture(scope="module", params=["scaled", "decay", "event"])
+def found(request):
+    return request.param, fitted(request.param)
+
+
+# The end of a curve is known to a step of the grid, 0.02 of 9: that moves a curve of t/z by 0.2 %,
+# and its end by that. Curves at fixed places are sums of two shapes, fitted without any error.
+LARGEST_ERROR = {"scaled": 0.01, "decay": 1e-6, "event": 1e-6}
+
+
+def test_the_way_is_that_of_the_curves_and_reproduces_them(found):
+    family, surrogate = found
+    parts = surrogate.fields["curve"].components
+    assert parts.is_scaled == (family == "scaled")
+    other = runs_of(Family(family), MonteCarlo(runs=100), seed=2)
+    inputs, completed = surrogate.completed_runs(other)
+    truth, mean = completed["curve"].values, surrogate.predict(inputs)["curve"].mean
+    spread = truth[:, : parts.common_places].std(axis=0).max()
+    known = np.isfinite(truth) & np.isfinite(mean)
+    assert np.abs(np.where(known, mean - truth, 0)).max() < LARGEST_ERROR[family] * spread
+    # Up to the place that all curves reach, nothing is missing.
+    assert known[:, : parts.common_places].all()
+    assert known[:, parts.common_places :].any() == (family == "scaled")
+
+
+def test_the_end_is_predicted_to_a_step_of_the_grid(found):
+    _, surrogate = found
+    points = {"x": np.linspace(0.6, 1.4, 9), "z": np.linspace(7.2, 10.8, 9)}
+    predicted = surrogate.predict(points)
+    ends = predicted["curve_end"].mean
+    # The last place before the end: on average half a step before.
+    assert np.abs(ends - (points["z"] - STEP / 2)).max() < STEP
+    if surrogate.fields["curve"].components.is_scaled:
+        counts = np.isfinite(predicted["curve"].mean).sum(axis=1)
+        assert np.abs(PLACES[counts - 1] - ends).max() <= STEP / 2 + 1e-9
+
+
+def test_it_says_which_way_and_why(found):
+    family, surrogate = found
+    text = surrogate.fields["curve"].text
+    if family == "scaled":
+        assert "; along time scaled by the end of each curve; up to time = 7" in text
+    else:
+        assert "; up to time = 7.02 s, which all training curves reach; up to time = 7" in text
+    assert "at runs left out, and the other way" in text
+    q2 = {
+        each: float(surrogate.to_tree()[f"curve/diagnostics/{each}"]) for each in ("q2", "end_q2")
+    }
+    assert min(q2.values()) > 0.999
+
+
+def test_its_group_alone_predicts_the_same_bits(found):
+    family, surrogate = found
+    checked = surrogate.with_check(runs_of(Family(family), MonteCarlo(runs=50), seed=3))
+    assert checked.fields["curve"].check.left < 1e-4
+    tree = checked.to_tree()
+    whole = xr.DataTree.from_dict({f"/pce{node.path}": node.dataset for node in tree.subtree})
+    restored = restore_surrogate(whole.children["pce"], "pce")
+    assert restored.to_tree().identical(tree)
+    points = {"x": np.linspace(0.6, 1.4, 7), "z": np.linspace(7.2, 10.8, 7)}
+    for name, prediction in surrogate.predict(points).items():
+        again = restored.predict(points)[name].mean
+        assert np.array_equal(again, prediction.mean, equal_nan=True)
+    alone = restored.predict({name: values[3:4] for name, values in points.items()})
+    everything = restored.predict(points)
+    assert np.array_equal(alone["curve"].mean[0], everything["curve"].mean[3], equal_nan=True)
+
+
+def test_a_scaled_curve_that_is_good_enough_is_taken_for_its_whole_length():
+    class Straight(Family):
+        def curves(self, x, z, time):
+            return x[:, None] * (2 + time)
+
+    model = Straight("decay")
+    runs = runs_of(model, LatinHypercube(runs=40))
+    found = fit_surrogate(CHAOS, "pce", runs, model, UNIFORMS, Stream(1, "surrogates"))
+    assert found.fields["curve"].components.is_scaled
+    text = found.fields["curve"].text
+    assert "and the other way none, but nothing is known beyond" in text
+
+
+def test_without_runs_that_can_be_left_out_curves_are_taken_as_they_are():
+    surrogate = fitted("scaled", PolynomialChaos(design="t", order=4), Quadrature(order=5))
+    parts = surrogate.fields["curve"].components
+    assert not parts.is_scaled
+    assert "as no fit without some runs says which way is better" in surrogate.fields["curve"].text
+
+
+def test_curves_that_all_end_at_one_place_have_no_end_to_fit():
+    class Cut(Family):
+        def evaluate(self, inputs):
+            return super().evaluate({**inputs, "z": np.full(len(inputs["x"]), 6.0)})
+
+    model = Cut("decay")
+    runs = runs_of(model, LatinHypercube(runs=40))
+    found = fit_surrogate(CHAOS, "pce", runs, model, UNIFORMS, Stream(1, "surrogates"))
+    predicted = found.predict({"x": np.array([1.0]), "z": np.array([8.0])})
+    assert list(predicted) == ["curve"]
+    assert np.isfinite(predicted["curve"].mean[0]).sum() == 301
+
+
+def test_a_curve_that_is_the_same_up_to_where_all_get_is_scaled():
+    class Flat(Family):
+        def curves(self, x, z, time):
+            return np.where(time < 8.0, 1.0, time - 7.0) * np.ones_like(x)[:, None]
+
+    model = Flat("decay")
+    runs = runs_of(model, LatinHypercube(runs=40))
+    found = fit_surrogate(CHAOS, "pce", runs, model, UNIFORMS, Stream(1, "surrogates"))
+    text = found.fields["curve"].text
+    assert ", as it does not vary up to time = 7" in text
+
+
+MODEL = """\
+import numpy as np
+
+TIME = np.linspace(0.0, 12.0, 601)
+
+
+def simulate(x, z):
+    known = np.where(TIME > z, np.nan, 1.0)
+    moving = known * (x * (2 + np.cos(3 * TIME / z)) + (TIME / z) ** 3)
+    return {"moving": moving, "decay": known * (5 * np.exp(-TIME / 4) + 0.1 * x)}
+"""
+STUDY = """\
+seed = 4
+[model]
+python = "model.py:simulate"
+inputs = { x = "1", z = "s" }
+[model.dimensions]
+time = { unit = "s", from_model = "TIME" }
+[model.outputs]
+moving = { unit = "V", along = ["time"], may_end = true }
+decay = { unit = "V", along = ["time"], may_end = true }
+[inputs]
+x = { uniform = { lower = 0.5, upper = 1.5 } }
+z = { uniform = { lower = "7 s", upper = "11 s" } }
+[outputs.moving]
+exceeds = ["1 V"]
+[designs.lhs]
+kind = "latin-hypercube"
+runs = 100
+[surrogates.pce]
+kind = "polynomial-chaos"
+design = "lhs"
+"""
+
+
+@pytest.fixture(scope="module")
+def archive(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("ending")
+    (folder / "model.py").write_text(MODEL)
+    uqpen.make_archive(uqpen.parse_study(STUDY, folder=folder), folder / "one.nc")
+    return folder / "one.nc"
+
+
+def test_the_archive_has_the_same_bytes_by_two_workers(archive):
+    study = uqpen.parse_study(STUDY, folder=archive.parent)
+    uqpen.make_archive(study, archive.parent / "two.nc", workers=2)
+    assert archive.read_bytes() == (archive.parent / "two.nc").read_bytes()
+
+
+def test_an_archive_predicts_curves_with_their_ends(archive, tmp_path):
+    surrogate = uqpen.open_archive(archive).surrogate("pce")
+    found = surrogate(x=[1.0, 1.2], z=["8 s", "10 s"])
+    ends = found["moving_end"]
+    assert ends.attrs["units"] == "s"
+    assert ends.values == pytest.approx([8 - STEP / 2, 10 - STEP / 2], abs=STEP)
+    there = found["moving"].notnull()
+    assert found["time"].values[there.values.sum(axis=1) - 1] == pytest.approx(
+        ends.values, abs=STEP
+    )
+    (tmp_path / "points.csv").write_text("x,z [s]\n1,8\n1.2,10\n")
+    shown = CliRunner().invoke(predict, [f"{archive}:pce", str(tmp_path / "points.csv")])
+    head, first, *_ = shown.output.splitlines()
+    row = dict(zip(head.split(","), first.split(","), strict=True))
+    assert float(row["moving_end [s]"]) == ends.values[0]
+
+
+def test_statistics_at_a_place_are_of_the_curves_that_get_there(archive):
+    tree = uqpen.open_archive(archive)
+    moving = tree["statistics/pce/moving"].to_dataset().sel(bound="estimate")
+    later = {"time": 450}  # 9 s, which half of the curves reach
+    assert float(moving["reached"][later]) == pytest.approx(0.5, abs=0.01)
+    z, x = np.meshgrid(np.linspace(9, 11, 400), np.linspace(0.5, 1.5, 400))
+    truth = x * (2 + np.cos(27 / z)) + (9 / z) ** 3
+    # A step of the grid moves the curves by 0.2 %.
+    assert float(moving["mean"][later]) == pytest.approx(truth.mean(), rel=4e-3)
+    assert float(moving["std"][later]) == pytest.approx(truth.std(), rel=1e-2)
+    assert moving["reached"].attrs.keys() >= {"estimator"}
+    assert moving["mean"].attrs["conditional_on"] == "the curve's reaching the place"
+    assert np.isnan(moving["first_order"]).all()
+    decay = tree["statistics/pce/decay"].to_dataset()
+    mean = decay["mean"].sel(bound="estimate")
+    known = np.isfinite(mean.values)
+    assert known.sum() == int(tree["surrogates/pce/decay"].attrs["common_places"])
+    np.testing.assert_allclose(mean.values[known], 5 * np.exp(-PLACES / 4)[known] + 0.1, rtol=1e-6)
+    shown = CliRunner().invoke(show, [str(archive), "--output", "decay", "--at", "time=12"])
+    assert "some training curves end after time = 7" in shown.output
+    assert decay["first_order"].sel(bound="estimate", input="x").values[1] == pytest.approx(1)
