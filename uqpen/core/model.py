@@ -338,8 +338,9 @@ class Model(ABC):
             SI values.
         """
         is_ok = status == Status.OK
-        for values in outputs.values() if self.derived else ():
-            is_ok = is_ok & ~np.isnan(values.reshape(len(is_ok), -1)[:, 0])
+        absent = {each.name for each in self.outputs if each.absent}
+        for name in outputs.keys() - absent if self.derived else ():
+            is_ok = is_ok & ~np.isnan(outputs[name].reshape(len(is_ok), -1)[:, 0])
         found = {**inputs, **outputs}
         for each in self.derived:
             found[each.output.name] = each.values(found, is_ok)

@@ -179,8 +179,8 @@ class Output(Variable):
     may_end : bool
         Whether a curve may end before its dimension does: its values after the end are NaN.
     absent : str
-        What is true of the runs in which a derived number does not exist, and is NaN; empty where
-        every run has one, as all outputs of models.
+        What is true of the completed runs in which a number does not exist, and is NaN; empty where
+        every run has one.
     is_difference : bool
         Whether a derived number is a difference, which no unit with a zero of its own can state.
 

@@ -95,6 +95,9 @@ class Design(ABC):
     )
     """The reason, for a message."""
 
+    needs_numbers: ClassVar[bool] = False
+    """True if its points follow numbers that every completed run must have."""
+
     keep: str = RUNS
     """What an archive has of it: ``"runs"``, or ``"statistics"`` without them."""
 

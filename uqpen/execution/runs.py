@@ -141,10 +141,10 @@ def _add_attributes(runs: xr.Dataset, model: Model, display_units: Mapping[str, 
                     ROLE: role,
                     **(_category_attributes(categories) if categories else measure),
                     **(_END if isinstance(variable, Output) and variable.may_end else {}),
+                    **(_absence(variable) if isinstance(variable, Output) else {}),
                 }
     for derived in model.derived:
-        absent = {ABSENT: derived.output.absent} if derived.output.absent else {}
-        runs[derived.output.name].attrs |= {DERIVED_FROM: derived.source, **absent}
+        runs[derived.output.name].attrs[DERIVED_FROM] = derived.source
     runs[STATUS].attrs = {"long_name": "what became of the run"}
     runs[STATUS].attrs |= _flag_attributes(list(Status), [status.meaning for status in Status])
     number = {"units": "1", "long_name": "number of the run"}
@@ -156,6 +156,10 @@ def _add_attributes(runs: xr.Dataset, model: Model, display_units: Mapping[str, 
     if FAILED_RUN in runs:
         runs[FAILED_RUN].attrs = {"long_name": "number of a lost run"}
         runs[FAILURE_REASON].attrs = {"long_name": "why the run was lost"}
+
+
+def _absence(output: Output) -> dict[str, str]:
+    return {ABSENT: output.absent} if output.absent else {}
 
 
 def _category_attributes(categories: Sequence[Category]) -> dict[str, Any]:

@@ -123,6 +123,15 @@ def check_models(
     """Note designs that do not fit the models and the costs of their runs."""
     stand_ins = {name: each.stand_in for name, each in models.items() if each.stand_in}
     costs = family_costs(next(iter(models)), stand_ins)
+    lacks_numbers = any(
+        each.absent for variant in models.values() for each in variant.model.outputs
+    )
+    for name, design in designs.items():
+        if lacks_numbers and design.needs_numbers:
+            found = "a model with [model.outcomes]: runs that end so have no numbers to follow"
+            table.add_problem(
+                (name, "kind"), found, "subset-simulation, importance-sampling or a sample"
+            )
     for name, design in designs.items():
         table.add_problems(design.check_models(models, costs), name)
 

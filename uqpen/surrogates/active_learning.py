@@ -336,6 +336,8 @@ class ActiveLearning(RareEventDesign):
     (a surrogate corrected by importance sampling).
     """
 
+    needs_numbers = True
+
     learning: int | None = count(minimum=20, maximum=_MOST_LEARNING, default=None)
     correction: int = count(minimum=60, maximum=100_000, default=300)
     batch: int = count(maximum=100, default=5)

@@ -301,6 +301,8 @@ class Form(RareEventDesign):
     Hohenbichler, M. & Rackwitz, R. (1988). Journal of Engineering Mechanics 114, 2195-2199.
     """
 
+    needs_numbers = True
+
     starts: int = count(default=5, maximum=1000)
     iterations: int = count(default=20, maximum=1000)
     curvature: bool = flag(default=True)

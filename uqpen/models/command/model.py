@@ -22,12 +22,12 @@ from uqpen.core.arrays import Arrays, FloatArray
 from uqpen.core.errors import ModelError
 from uqpen.core.files import FileSnapshot
 from uqpen.core.limits import Limits
-from uqpen.core.model import Input, Model, Output, Results, RunOutcome, joined_outcomes
+from uqpen.core.model import Category, Input, Model, Output, Results, RunOutcome, joined_outcomes
 from uqpen.core.settings import choice, validate
 from uqpen.core.status import STATUS_TEXT, Status
-from uqpen.core.units import scale
+from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.models.command.output_readers import OutputReader, RunFiles, TextReader, UnreadableError
-from uqpen.models.command.process import STDERR, ProcessEnd, guard_folder, run_process
+from uqpen.models.command.process import STDERR, STDOUT, ProcessEnd, guard_folder, run_process
 from uqpen.models.command.program import BRACES, Delimiters, NotWholeError, Program, fill
 from uqpen.models.run_grid import FieldSources, RunGrid, UnusableOutputError, dimension_names
 from uqpen.models.user_code import one_line
@@ -211,6 +211,51 @@ _PATHS = {"inputs": INPUTS, "outputs": OUTPUTS}
 _NO_INTERPRETER = "cannot be started: what its first line names to run it with is not there"
 
 
+# The output that has the category of each run, where a study declares outcomes.
+OUTCOME_OUTPUT = "outcome"
+COMPLETED = "completed"  # the category of all other runs
+
+
+@dataclass(frozen=True)
+class DeclaredOutcome:
+    """Ending of a program that is a result: the run is completed, and has no numbers."""
+
+    name: str
+    exit_code: int | None = None  # the exit code by which it is known, or else
+    text: str = ""  # a text in a line that the program prints
+
+    def is_met(self, ending: ProcessEnd, folder: Path) -> bool:
+        """Return True if a program ended so; one that a signal has ended never did."""
+        if ending.signal or ending.is_late:
+            return False
+        if self.exit_code is not None:
+            return ending.code == self.exit_code
+        return any(_is_printed(self.text.encode(), folder / name) for name in (STDOUT, STDERR))
+
+
+def _is_printed(text: bytes, path: Path) -> bool:
+    try:
+        with path.open("rb") as stream:
+            return any(text in line for line in stream)
+    except OSError:
+        return False
+
+
+def with_outcomes(
+    outputs: Sequence[Output], outcomes: Sequence[DeclaredOutcome]
+) -> tuple[Output, ...]:
+    """Return outputs that runs with an outcome lack, and the category of each run."""
+    if not outcomes:
+        return tuple(outputs)
+    names = [each.name.replace("_", " ") for each in outcomes]
+    absent = f"the run ends as {' or '.join(names)}"
+    categories = [Category(each.name, each.name.replace("_", " ")) for each in outcomes]
+    category = Output(
+        OUTCOME_OUTPUT, DIMENSIONLESS, categories=(Category(COMPLETED, COMPLETED), *categories)
+    )
+    return (*(replace(each, absent=absent) for each in outputs), category)
+
+
 @dataclass(frozen=True)
 class FolderPolicy:
     """Policy for the folders of runs after their end."""
@@ -251,6 +296,7 @@ class Command(Model):
     reads_again: bool = False
     # The grids on which runs write outputs, and the files with coordinates.
     fields: FieldSources = field(default=FieldSources(), repr=False)
+    outcomes: tuple[DeclaredOutcome, ...] = ()  # endings that are results; see `with_outcomes`
     name: str = field(init=False)
 
     vectorized = False
@@ -375,6 +421,9 @@ class Command(Model):
         """Return the outcome of a run whose program has ended."""
         if ending.is_late:
             return RunOutcome({}, Status.TIMED_OUT, self.limits.timeout_reason)
+        for number, outcome in enumerate(self.outcomes, 1):
+            if outcome.is_met(ending, folder):
+                return RunOutcome({OUTCOME_OUTPUT: np.array(float(number))})
         if ending.code:
             status = Status.CRASHED if ending.signal else Status.FAILED
             how = f"ended by {ending.signal}" if ending.signal else f"exit code {ending.code}"
@@ -382,13 +431,15 @@ class Command(Model):
             return RunOutcome({}, status, f"{how}: {message}" if message else how)
         written = RunFiles(folder, self.limits)
         try:
-            found = read_outputs(self.outputs, self.readings, self.fields.grids, written)
+            outputs = [each for each in self.outputs if not each.categories]
+            found = read_outputs(outputs, self.readings, self.fields.grids, written)
         except (UnreadableError, UnusableOutputError) as error:
             return RunOutcome({}, error.status, str(error))
-        for output in self.outputs:
-            if reason := output.invalid_text(found[output.name]):
+        for output in outputs:
+            # A run that comes to its usual end has every number.
+            if reason := replace(output, absent="").invalid_text(found[output.name]):
                 return RunOutcome(found, Status.NOT_FINITE, reason)
-        return RunOutcome(found)
+        return RunOutcome({**found, **({OUTCOME_OUTPUT: np.zeros(())} if self.outcomes else {})})
 
 
 def _outcome_note(outcome: RunOutcome, words: list[str]) -> str:
