@@ -69,6 +69,7 @@ def test_a_word_of_other_programs_is_met_with_the_one_here(path, word, here, tmp
             "2 m ± 3 %",
             '"(2 ± 0.06) m" if that is the standard deviation, { uniform = { lower = "1.94 m"',
         ),
+        ("(2 ± 3 %) m", '"(2 ± 0.06) m" if that is the standard deviation'),
         ("2 m ± 0.1 m", '"(2 ± 0.1) m" if that is the standard deviation'),
         ("2 +/- 0.1 m", '"(2 ± 0.1) m" if'),
         ("2 m to 3 m", '{ uniform = { lower = "2 m", upper = "3 m" } } for any value between them'),

@@ -351,6 +351,7 @@ def _read_input(table: TableReader, variable: Input, stream: Stream) -> Entry | 
 
 # Forms of an input that people bring, each a text as a whole.
 _SPREAD = re.compile(rf"({NUMBER})\s*(.*?)\s*(?:±|\+/-|\+-)\s*({NUMBER})\s*(.*)")
+_GROUPED = re.compile(rf"^\(\s*({NUMBER})\s*(?:±|\+/-|\+-)\s*({NUMBER})\s*%\s*\)\s*(.*)$")
 _END = r"[+-]?\d+(?:\.\d+)?(?:[eE][+-]?\d+)?"
 _RANGE = re.compile(rf"\[?\s*({_END})\s*(.*?)\s*(?:\bto\b|\.\.+|[–…]|-)\s*({_END})\s*\]?\s*(.*)")
 _CALL = re.compile(rf"([NU])\w*\s*\(\s*({NUMBER})\s*,\s*({NUMBER})\s*\)\s*(.*)")
@@ -371,6 +372,7 @@ def _form_here(value: object) -> str:
     if not isinstance(value, str) or len(value) > _LONGEST_FORM:
         return ""
     text = value.strip().replace("\N{MINUS SIGN}", "-")
+    text = _GROUPED.sub(r"\1 \3 ± \2 %", text)
     if match := _SPREAD.fullmatch(text):
         mean, unit, half, other = match.groups()
         middle, size = float(mean), float(half)
