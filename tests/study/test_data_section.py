@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 
 import uqpen
-from uqpen.core.labels import AGREEMENT
+from uqpen.core.labels import AGREEMENT, DISTANT_VALUES, DROPPED_ROWS
 from uqpen.core.status import Status
 from uqpen.designs.data import DataDesign
 from uqpen.report.blocks import Alerts
@@ -351,6 +351,47 @@ def test_every_mistake_is_met_before_anything_is_read(written):
     assert mistakes(STUDY, runs, written) == [
         ("model.data", '"lost" in column "status", runs.csv, line 2')
     ]
+
+
+def test_rows_with_a_blank_input_are_refused_all_at_once_or_dropped_and_counted(
+    written, command_line
+):
+    loads = LOADS.astype(object)
+    loads[[3, 7]] = "", "NA"
+    loads[9] = "-9999"
+    lengths = LENGTHS.astype(object)
+    lengths[[7, 20]] = "", -9999
+    runs = table(**{"load [kN]": loads, "length [m]": lengths})
+    text = STUDY + 'missing = [-9999, "NA"]\n'
+    assert mistakes(text, runs, written) == [
+        ("model.data", 'nothing in column "load", runs.csv, line 5, line 9, line 11'),
+        ("model.data", 'nothing in column "length", runs.csv, line 9, line 22'),
+    ]
+    study = written(text + 'drop = "blank inputs"\n', runs)
+    found = runs_of(study, "data")
+    kept = np.setdiff1d(np.arange(200), [3, 7, 9, 20])
+    assert np.array_equal(found["load"], LOADS[kept] * 1000)
+    assert np.array_equal(found["deflection"], (LOADS * LENGTHS)[kept] * 0.001)
+    dropped = "4 of 200 rows of runs.csv are left out: an input is blank (load in 3, length in 2)"
+    assert found.attrs[DROPPED_ROWS] == dropped
+    assert dropped in " ".join(command_line("check", "beam.toml").out.split())
+    assert mistakes(STUDY + 'missing = [true]\ndrop = "rows"\n', runs, written) == [
+        ("model.missing[0]", "true"),
+        ("model.drop", '"rows"'),
+    ]
+
+
+def test_a_value_that_stands_alone_is_reported(written):
+    loads = LOADS.copy()
+    loads[[4, 5]] = -9999
+    study = written(runs=table(**{"load [kN]": loads}))
+    (text,) = study.model.distant
+    assert text.startswith("load: -9999 stands alone in 2 rows (runs.csv, line 6), and the others")
+    assert runs_of(study, "data").attrs[DISTANT_VALUES] == text
+    assert not written(STUDY + 'missing = [-9999]\ndrop = "blank inputs"\n').model.distant
+    # The largest of 200 values may well be far from the others, by a multiple of their range.
+    heavy = 1 / np.sort(LOADS)[:150]
+    assert not written(runs=table(**{"load [kN]": [*heavy, *LOADS[:50]]})).model.distant
 
 
 COLUMNS = """

@@ -177,6 +177,9 @@ DECISION_LOWER = "decision_lower"
 DECISION_UPPER = "decision_upper"
 # How well given points follow the distributions that the study states.
 AGREEMENT = "agreement_with_inputs"
+# How many rows of a data file are left out, and why; values far from all others in their column.
+DROPPED_ROWS = "dropped_rows"
+DISTANT_VALUES = "distant_values"
 # How they contradict the independence that the study states, and distributions.
 CONTRADICTION = "contradicted_inputs"
 CONTRADICTED_DISTRIBUTIONS = "contradicted_distributions"

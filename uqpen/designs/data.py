@@ -18,6 +18,8 @@ from uqpen.core.labels import (
     CONTRADICTED_DISTRIBUTIONS,
     CONTRADICTION,
     DEPENDENCE,
+    DISTANT_VALUES,
+    DROPPED_ROWS,
     REPLICATE,
     WEIGHT,
 )
@@ -197,6 +199,11 @@ class DataDesign(Design):
         points = points_dataset(joint, columns, coordinates, runs=self.run_count(joint))
         if REPLICATE in coordinates:
             points[REPLICATE] = points[REPLICATE].astype(np.int64)
+        stated = {
+            DROPPED_ROWS: self._data.dropped,
+            DISTANT_VALUES: "; ".join(self._data.distant),
+        }
+        points.attrs |= {key: text for key, text in stated.items() if text}
         if WEIGHT not in coordinates:
             contradiction = self._contradiction_text(joint)
             agreements = list(input_agreements(joint, self.columns(joint)))

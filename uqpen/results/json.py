@@ -16,6 +16,8 @@ from uqpen.core.labels import (
     CONFIDENCE_LEVEL,
     COST_SPENT,
     DIFFERENCES,
+    DISTANT_VALUES,
+    DROPPED_ROWS,
     LARGEST_CONTRIBUTION,
     LOGARITHMIC,
     MODEL_FORM,
@@ -47,7 +49,14 @@ from uqpen.results.table import (
 _SINGLE = tuple(each.name for each in CATALOGUE.values() if not each.dims)
 
 # Attributes of the runs of a design that stopped at a precision, or has given points.
-_OF_POINTS = (STOPPING_RULE, STOPPING_AT_MOST, STOPPING_NOTE, AGREEMENT)
+_OF_POINTS = (
+    STOPPING_RULE,
+    STOPPING_AT_MOST,
+    STOPPING_NOTE,
+    AGREEMENT,
+    DROPPED_ROWS,
+    DISTANT_VALUES,
+)
 
 # Those with entries, by their keys.
 _FAMILIES = {each.shown.json: each.name for each in CATALOGUE.values() if each.shown.json}

@@ -16,6 +16,8 @@ from uqpen.core.labels import (
     CONDITIONAL,
     CONFIDENCE_LEVEL,
     DIFFERENCES,
+    DISTANT_VALUES,
+    DROPPED_ROWS,
     INTERVAL_LEVEL,
     MISSING,
     MODELS,
@@ -186,7 +188,8 @@ def statistics_table(statistics: SourceStatistics, name: str) -> OutputTable | N
     cells = []
     for source in table.columns:
         runs, spent = read_group(statistics.tree, RUNS, source), runs_spent(statistics.tree, source)
-        notes = [stopping_text(runs), str(runs.attrs.get(AGREEMENT, ""))]
+        of_file = (AGREEMENT, DROPPED_ROWS, DISTANT_VALUES)
+        notes = [stopping_text(runs), *(str(runs.attrs.get(each, "")) for each in of_file)]
         if (cost := statistics.cost_spent(source)) is not None:
             notes.append(f"with the runs of the stand-ins, the cost of {cost:.4g} runs")
         text = NOTHING if spent is None else grouped_number(spent)

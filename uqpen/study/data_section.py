@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import unicodedata
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,12 +20,14 @@ from uqpen.designs.design import Design
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.models.data.data_file import DataFile, data_file, read_data_file
 from uqpen.models.data.data_model import (
+    BLANK_INPUTS,
     REASON,
     STATUS,
     DataModel,
     data_coordinates,
     data_points,
     data_results,
+    without_blank_inputs,
 )
 from uqpen.study.table_reader import TableReader
 
@@ -54,6 +57,8 @@ class _Declaration:
     ignored: list[str]
     units: Mapping[str, str]
     headings: Mapping[str, str]  # those of columns that have other names in the study
+    missing: list[float | str]  # entries that stand for none
+    drops: bool  # whether rows with a blank input are left out
 
 
 def variable_name(heading: str) -> str:
@@ -77,6 +82,25 @@ def read_data(table: TableReader) -> Model | None:
     for name, unit in units.content.items():
         if not isinstance(unit, str):
             units.add_wrong(name, unit, 'a unit such as "mm"')
+    headings, missing = _headings(table), _missing(table)
+    drop = table.take("drop")
+    if (drops := drop is not None) and drop != BLANK_INPUTS:
+        table.add_wrong("drop", drop, f'"{BLANK_INPUTS}", the rows without one of their inputs')
+    table.check_unknown_keys()
+    if len(table.problems) > noted or file is None or outputs is None:
+        return None
+    declared = _Declaration(
+        file, outputs, inputs, ignored or [], units.content, headings, missing, drops
+    )
+    try:
+        return _read_file(table, declared)
+    except SettingsError as error:
+        table.add_problems(error.problems, DATA)
+        return None
+
+
+def _headings(table: TableReader) -> Mapping[str, str]:
+    """Return the headings of columns by the names of the study; note other values and names."""
     headings = table.table("columns")
     for name, heading in headings.content.items():
         if not isinstance(heading, str):
@@ -84,15 +108,16 @@ def read_data(table: TableReader) -> Model | None:
         elif not NAME.match(name) or name in RESERVED:
             expected = f'another name, such as {variable_name(name)} = "{heading}"'
             headings.add_problem(name, f'"{name}", which no variable can be called', expected)
-    table.check_unknown_keys()
-    if len(table.problems) > noted or file is None or outputs is None:
-        return None
-    declared = _Declaration(file, outputs, inputs, ignored or [], units.content, headings.content)
-    try:
-        return _read_file(table, declared)
-    except SettingsError as error:
-        table.add_problems(error.problems, DATA)
-        return None
+    return headings.content
+
+
+def _missing(table: TableReader) -> list[float | str]:
+    """Return the entries that stand for none; note what cannot be an entry."""
+    missing = table.entries("missing")
+    for position, each in enumerate(missing):
+        if not isinstance(each, str | int | float) or isinstance(each, bool):
+            table.add_wrong(("missing", position), each, 'a number or a text, such as "NA"')
+    return missing
 
 
 def bind_designs(table: TableReader, designs: dict[str, Design], model: Model) -> dict[str, Design]:
@@ -140,6 +165,9 @@ def _read_file(table: TableReader, declared: _Declaration) -> DataModel | None:
     file = data_file(path, content) if isinstance(content, bytes) else read_data_file(path)
     noted = len(table.problems)
     file = _renamed(table, file, declared.headings)
+    if declared.missing:
+        cleaned = tuple(each.without(declared.missing) for each in file.columns)
+        file = replace(file, columns=cleaned)
     columns = {column.name: column for column in file.columns}
     names = declared.inputs
     if names is None:
@@ -153,6 +181,13 @@ def _read_file(table: TableReader, declared: _Declaration) -> DataModel | None:
     outputs = tuple(
         Output(name, si_unit(units[name]), display_unit=units[name]) for name in declared.outputs
     )
+    dropped = ""
+    if declared.drops:
+        file, dropped = without_blank_inputs(file, names)
+    treatment = {"missing": json.dumps(declared.missing)} if declared.missing else {}
+    if declared.drops:
+        treatment["drop"] = BLANK_INPUTS
+    alone = ((name, file.column(name).distant_text()) for name in units)
     return DataModel(
         name=file.name,
         inputs=inputs,
@@ -161,6 +196,9 @@ def _read_file(table: TableReader, declared: _Declaration) -> DataModel | None:
         results=data_results(file, outputs, units),
         file=file.file,
         coordinates=data_coordinates(file, (*inputs, *outputs)),
+        dropped=dropped,
+        distant=tuple(f"{name}: {text}" for name, text in alone if text),
+        treatment=treatment,
     )
 
 

@@ -17,7 +17,13 @@ from uqpen.core.lookup import choices
 from uqpen.core.units import DIMENSIONLESS, scale, si_unit
 from uqpen.models.command.program import names_in
 from uqpen.models.data.data_file import DataColumn, read_data_file
-from uqpen.models.data.data_model import REASON, STATUS, data_coordinates, data_results
+from uqpen.models.data.data_model import (
+    BLANK_INPUTS,
+    REASON,
+    STATUS,
+    data_coordinates,
+    data_results,
+)
 from uqpen.study.data_section import OTHER_COLUMNS, variable_name
 
 FILL_IN = "FILL IN"
@@ -374,6 +380,7 @@ class DataDraft:
     guess: str  # why these are taken for outputs
     others: tuple[str, ...]  # the columns with a meaning of their own
     ignored: dict[str, str]  # why a column can be neither input nor output, by name
+    has_gaps: bool  # whether an input is blank in some row
     headings: dict[str, str]  # the headings of columns that are no names, by those given to them
 
     def text(self, file: str) -> str:
@@ -389,6 +396,8 @@ class DataDraft:
         yield f"outputs = {_list(each.name for each in self.outputs)}"
         yield "# All other columns are inputs, as if this stood here:"
         yield f"# inputs = {_list(each.name for each in self.inputs)}"
+        if self.has_gaps:
+            yield line(f"drop = {toml_text(BLANK_INPUTS)}", "rows without one of their inputs")
         if self.ignored:
             yield from (f"# {toml_text(name)} {why}" for name, why in self.ignored.items())
             yield f"ignore = {_list(self.ignored)}"
@@ -478,13 +487,24 @@ def data_draft(path: Path, reference: str) -> DataDraft:
         guess="columns with gaps, and the last that follow from those before",
         others=tuple(each.name for each in file.columns if each.name in OTHER_COLUMNS),
         ignored=ignored,
+        has_gaps=not all(map(_is_whole, inputs)),
         headings=headings,
     )
 
 
 def _outputs(variables: list[DataColumn]) -> tuple[DataColumn, ...]:
     """Return the columns with a blank, which no input has, and the last that follow from others."""
-    blank = [each for each in variables if not _is_whole(each)]
+    rows = len(variables[0].entries) if variables else 0
+    blank = [
+        each
+        for place, each in enumerate(variables)
+        if not _is_whole(each)
+        and (
+            rows < _FEWEST_RANKED * len(variables)
+            or np.isinf(each.numbers()).any()
+            or (place and _follows(each, variables[:place]))
+        )
+    ]
     first = max(len(variables) - 1, 0)
     while first > 1 and _follows(variables[first - 1], variables[: first - 1]):
         first -= 1
@@ -540,7 +560,7 @@ def _range(column: DataColumn) -> str:
     unit = "" if column.unit in ("", DIMENSIONLESS) else f" {column.unit}"
     lower, upper = (
         toml_text(f"{end:.6g}{unit}") if unit else f"{end:.6g}"
-        for end in (column.numbers().min(), column.numbers().max())
+        for end in (np.nanmin(column.numbers()), np.nanmax(column.numbers()))
     )
     return f"{{ uniform = {{ lower = {lower}, upper = {upper} }} }}"
 

@@ -9,7 +9,7 @@ import itertools
 import math
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -39,6 +39,9 @@ BLANK = frozenset({"", "nan", "na", "n/a", "none", "null"})
 # The word of Dakota for a failed run, in place of its results.
 _FAILED = "fail"
 _INFINITE = re.compile(r"[+-]?inf(inity)?", re.IGNORECASE)
+
+# Distinct values of a column in which one can stand alone.
+_FEWEST_VALUES = 10
 
 # Characters of an entry that a message quotes.
 _MOST_QUOTED = 60
@@ -91,6 +94,51 @@ class DataColumn:
             return ["" if math.isnan(each) else f"{each:.15g}" for each in self.entries.tolist()]
         plain = (text.strip() for text in self.entries)
         return ["" if text.lower() in BLANK else text for text in plain]
+
+    def without(self, missing: Collection[float | str]) -> DataColumn:
+        """Return the column with blank entries where a number or a text stands that means none."""
+        numbers = [each for each in missing if not isinstance(each, str)]
+        if isinstance(self.entries, np.ndarray):
+            entries: Entries = np.where(np.isin(self.entries, numbers), np.nan, self.entries)
+        else:
+            plain = [text.strip() for text in self.entries]
+            entries = [
+                ""
+                if text in missing or (_NUMBER.fullmatch(text) and float(text) in numbers)
+                else text
+                for text in plain
+            ]
+        return replace(self, entries=entries)
+
+    def rows(self, kept: Sequence[int]) -> DataColumn:
+        """Return the column with some of its entries, which have the places that they had."""
+        entries = self.entries
+        some = entries[kept] if isinstance(entries, np.ndarray) else [entries[row] for row in kept]
+        return replace(self, entries=some, place=lambda entry: self.place(kept[entry]))
+
+    def distant_text(self) -> str:
+        """Return a text on the value at either end that stands alone; empty if none does.
+
+        It stands in at most a twentieth of the rows, and is away from the next one by ten times
+        the range of the others; or by half of it, if its digits are all 9.
+        """
+        numbers = self.numbers()
+        values, counts = np.unique(numbers[np.isfinite(numbers)], return_counts=True)
+        if len(values) < _FEWEST_VALUES:
+            return ""
+        for end, others in ((0, values[1:]), (-1, values[:-1])):
+            value, spread = float(values[end]), float(np.ptp(others))
+            gap = float(min(abs(others - value)))
+            is_nines = {*f"{abs(value):.15g}"} == {"9"}
+            if gap > spread * (0.5 if is_nines else 10) and counts[end] * 20 <= counts.sum():
+                rows = "1 row" if counts[end] == 1 else f"{counts[end]} rows"
+                first = self.place(int(np.flatnonzero(numbers == value)[0]))
+                unit = f" {self.unit}" if self.unit else ""
+                return (
+                    f"{value:.15g} stands alone in {rows} ({first}), and the others are "
+                    f"{others[0]:.4g} to {others[-1]:.4g}{unit}"
+                )
+        return ""
 
     def entry_text(self, entry: int) -> str:
         """Return an entry as `texts` does, without the others."""

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from uqpen.core.arrays import Arrays, FloatArray
-from uqpen.core.errors import ModelError, toml_text
+from uqpen.core.errors import ModelError, Problem, SettingsError, toml_text
 from uqpen.core.files import FileSnapshot
 from uqpen.core.labels import REPLICATE, WEIGHT
 from uqpen.core.model import Input, Model, Output, Results, Variable
@@ -30,6 +30,10 @@ class DataModel(Model):
     file: FileSnapshot  # the file
     # (run,): what else the file says of the points: the replicate or the weight of each.
     coordinates: Arrays
+    dropped: str = ""  # how many rows of the file are left out, and why
+    distant: tuple[str, ...] = ()  # values that stand alone in the column of a variable
+    # What the study says of entries and rows, as its own text, where it says so.
+    treatment: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def runs(self) -> int:
@@ -47,13 +51,19 @@ class DataModel(Model):
         return (self.file,)
 
     def identity(self) -> dict[str, str]:
-        return {"name": self.name, "data_sha256": self.file.sha256}
+        return {"name": self.name, "data_sha256": self.file.sha256, **self.treatment}
 
 
 # Points and results of a data file: its inputs, outputs, statuses and reasons.
 
 # The columns with the status of each run, and with the reason of a failed one.
 STATUS, REASON = "status", "reason"
+
+# What a study leaves out by this word.
+BLANK_INPUTS = "blank inputs"
+
+# Rows of a column that a message lists.
+_MOST_ROWS = 20
 
 _STATUSES = {status.meaning: status for status in Status}
 
@@ -63,19 +73,44 @@ def data_points(
 ) -> dict[str, FloatArray]:
     """Return the inputs of a data file in SI units, each from its column in a unit.
 
-    SettingsError if an entry is blank or no finite number.
+    SettingsError if entries are blank or no finite numbers, with the rows of all of them.
     """
-    points = {}
-    for each in inputs:
-        column = file.column(each.name)
-        numbers = column.numbers()
-        bad = np.flatnonzero(~np.isfinite(numbers))
-        if bad.size:
-            found = column.entry_text(int(bad[0])) or "nothing"
-            expected = "a number: the inputs of a failed run have to be known, too"
-            raise data_error(f"{found} in {column.place_text(int(bad[0]))}", expected)
-        points[each.name] = _in_si(numbers, units[each.name])
-    return points
+    numbers = {each.name: file.column(each.name).numbers() for each in inputs}
+    problems = []
+    for name, values in numbers.items():
+        bad = np.flatnonzero(~np.isfinite(values)).tolist()
+        if bad:
+            column = file.column(name)
+            more = "".join(
+                f", {column.place(row).rpartition(', ')[2]}" for row in bad[1:_MOST_ROWS]
+            )
+            more += f" and {len(bad) - _MOST_ROWS} others" if len(bad) > _MOST_ROWS else ""
+            expected = (
+                "a number: the inputs of a failed run have to be known, too; "
+                f'drop = "{BLANK_INPUTS}" leaves out rows without one'
+            )
+            found = f"{column.entry_text(bad[0]) or 'nothing'} in {column.place_text(bad[0])}{more}"
+            problems.append(Problem((), found, expected))
+    if problems:
+        raise SettingsError(problems)
+    return {name: _in_si(values, units[name]) for name, values in numbers.items()}
+
+
+def without_blank_inputs(file: DataFile, inputs: Sequence[str]) -> tuple[DataFile, str]:
+    """Return a file without the rows in which an input is blank, and a text on them.
+
+    SettingsError if no row is left.
+    """
+    blank = {name: np.isnan(file.column(name).numbers()) for name in inputs}
+    is_dropped = np.any([*blank.values()], axis=0)
+    if not is_dropped.any():
+        return file, ""
+    kept = np.flatnonzero(~is_dropped).tolist()
+    parts = ", ".join(f"{name} in {each.sum()}" for name, each in blank.items() if each.any())
+    text = f"{is_dropped.sum()} of {file.rows} rows of {file.name} are left out"
+    return replace(file, columns=tuple(each.rows(kept) for each in file.columns)), (
+        f"{text}: an input is blank ({parts})"
+    )
 
 
 def data_results(file: DataFile, outputs: Sequence[Output], units: Mapping[str, str]) -> Results:

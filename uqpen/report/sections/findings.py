@@ -19,6 +19,8 @@ from uqpen.core.labels import (
     CONTRADICTED_DISTRIBUTIONS,
     CONTRADICTION,
     DEPENDENCE,
+    DISTANT_VALUES,
+    DROPPED_ROWS,
     INTERVAL_LEVEL,
     NOTE,
     RUNS,
@@ -455,6 +457,10 @@ def _input_alerts(view: ArchiveView, design: str) -> Iterator[Alert]:
             "inputs.",
             "Check how they were chosen.",
         )
+    if dropped := str(attributes.get(DROPPED_ROWS, "")):
+        yield Alert("Rows", f"{dropped}.", "If they differ from the others, so do the statistics.")
+    if distant := str(attributes.get(DISTANT_VALUES, "")):
+        yield Alert("Values", f"{distant}.", "If they stand for none, name them in missing.")
     agreement = str(attributes.get(AGREEMENT, ""))
     if agreement and CONTRADICTED_DISTRIBUTIONS not in attributes:
         yield Alert(
