@@ -82,8 +82,11 @@ def test_a_statistic_has_the_coordinates_of_its_field(archive):
         assert group["time"].identical(runs["time"])
         assert group["mean"].attrs["units"] == "m"
     fit = archive["surrogates/pce"]
-    assert fit.attrs["outputs"] == "y"
-    assert fit["curve"].attrs["not_fitted"].startswith("its curves may end")
+    assert fit.attrs["outputs"] == "curve y"
+    assert fit["curve/mean_field"].dims == ("time",)
+    known = np.isfinite(fit["curve/mean_field"].values)
+    assert known.sum() == fit["curve"].attrs["common_places"]
+    assert 0 < fit["curve/end"].attrs["q2"] < 1  # a step in x is no polynomial
 
 
 def test_verify_repeats_it(folder):
