@@ -132,6 +132,22 @@ def test_nothing_follows_from_an_unknown_model(folder, model):
     assert reported[0].startswith("model")
 
 
+def test_no_key_of_a_publication_is_taken_for_an_output_of_an_unknown_model(folder):
+    text = (
+        RIGHT
+        + """
+[published.other]
+source = "Another paper"
+runs = 100
+magnitudes = true
+uncertainties = { d = "5.0 %" }
+[published.other.readings.longer]
+inputs = { a = "(3 ± 0.1) m" }
+"""
+    )
+    assert keys('[model]\nuse = "ishigamy"\n' + text, folder) == ["model.use"]
+
+
 @pytest.mark.parametrize(
     ("old", "new", "key"),
     [

@@ -66,6 +66,7 @@ def mentioned_model(root: TableReader) -> PartialModel:
     joint = _tables(content.get("joint"))
     inputs = {
         *_keys(content.get("inputs")),
+        *(name for each in published for name in _keys(each.get("uncertainties"))),
         *(name for figures in of_outputs for name in _keys(figures.get("response"))),
         *(
             str(each["largest_contribution"])
@@ -85,7 +86,12 @@ def mentioned_model(root: TableReader) -> PartialModel:
     surrogates = _tables(content.get("surrogates"))
     outputs = {
         *_keys(content.get("outputs")),
-        *(name for each in published for name in each if name != "source"),
+        *(
+            name
+            for each in published
+            for name, figures in each.items()
+            if isinstance(figures, dict) and name not in ("uncertainties", "readings")
+        ),
         *(name for each in surrogates for name in _keys(each.get("transform"))),
     }
     return PartialModel(
