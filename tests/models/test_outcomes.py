@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import uqpen
+from uqpen.statistics.joint_probability import joint_probabilities
 
 COLUMN = """\
 import os, signal, sys
@@ -61,6 +62,48 @@ def test_a_run_that_ends_so_is_completed_without_numbers(ending, column):
     assert np.array_equal(runs["twice"], 2 * stress, equal_nan=True)
     assert runs["twice_occurs"].values.tolist() == [-1, 0, -1, 0, 1, 1, -1]
     assert runs["stress"].attrs["absent"] == "the run ends as other or unstable"
+
+
+def test_it_decides_events_that_name_it(column):
+    text = (
+        STUDY.partition("[designs")[0]
+        + """
+[designs.mc]
+kind = "monte-carlo"
+runs = 60
+[joint_probabilities]
+fails = { any = ["stress > 200 MPa", "unstable"], sensitivities = true }
+holds = ["stress < 200 MPa", "not unstable"]
+high = ["stress > 200 MPa"]
+"""
+    )
+    text = text.replace('load = "100 kN"', 'load = "(105 ± 25) kN"')
+    study = column("[model.outcomes]\nunstable = { exit = 7 }", text)
+    tree = uqpen.run(study)
+    runs = tree["runs/mc"].to_dataset()
+    known, ends = runs["status"].values == 0, runs["outcome"].values == 1
+    high = runs["stress"].values > 200e6
+    assert ends.sum() > 2
+    found = tree["joint_probabilities/mc/joint_probability"].sel(bound="estimate")
+    by_event = {str(each.event.values): each.item() for each in found}
+    fails = (high | ends).sum() / known.sum()
+    assert by_event["fails"] == pytest.approx(fails)
+    assert by_event["holds"] == pytest.approx(1 - fails)
+    whole, by_blocks = (
+        joint_probabilities(runs, study.joint_events, 0.95, in_memory=size)["joint_probability"]
+        for size in (1000, 20)
+    )
+    assert np.allclose(by_blocks, whole)
+    says = ["in which all its outputs" in str(each) for each in whole["note"].values]
+    assert dict(zip(by_event, says, strict=True)) == {"fails": False, "holds": False, "high": True}
+    assert by_blocks["note"].values.tolist() == whole["note"].values.tolist()
+    assert by_event["high"] == pytest.approx(high.sum() / (known & ~ends).sum())
+
+
+def test_an_unknown_outcome_in_an_event_is_told_with_those_known(column):
+    text = STUDY + '[joint_probabilities]\nfails = ["unstabel"]\n'
+    with pytest.raises(uqpen.StudyError, match="or an outcome, unstable"):
+        column("[model.outcomes]\nunstable = { exit = 7 }", text)
 
 
 @pytest.mark.parametrize(

@@ -134,6 +134,8 @@ def _estimate(
 ) -> Estimate:
     sample, occurs = event_sample(event, samples, level)
     has_all = event.outputs.isdisjoint(absent)
+    if event.category_output and event.given is None:
+        has_all = len(sample.used) == len(samples[event.category_output].used)
     return _noted(_of_condition(event, event_probability(sample, occurs), sample), has_all=has_all)
 
 
@@ -157,10 +159,12 @@ def _estimates_by_blocks(
     ]
     counted = BlockedColumns(runs, Grouping.of_runs(runs), columns, np.array([0.0, 1.0]))
     samples = [counted.sample(number, level) for number in range(len(events))]
+    completed = int((runs.column(STATUS) == Status.OK).sum())
     return [
         _noted(
             _of_condition(event, event_probability(each, each.event(operator.eq, 1)), each),
-            has_all=with_gaps.isdisjoint(event.outputs),
+            has_all=with_gaps.isdisjoint(event.outputs)
+            or bool(event.category_output and event.given is None and each.size == completed),
         )
         for event, each in zip(events, samples, strict=True)
     ]
@@ -171,8 +175,11 @@ def _occurrences(
 ) -> tuple[FloatArray, BoolArray]:
     """Return in which runs an event occurs, and the runs that have all of its outputs."""
     used = columns[STATUS] == Status.OK
-    for name in event.outputs & with_gaps:
-        used = used & ~np.isnan(columns[name])
+    if event.category_output:
+        used = used & event.is_known(columns)
+    else:
+        for name in event.outputs & with_gaps:
+            used = used & ~np.isnan(columns[name])
     counts = event.counts(columns)
     used = used if counts is None else used & counts
     return event.occurs(columns).astype(np.float64), used

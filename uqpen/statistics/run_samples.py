@@ -184,7 +184,8 @@ def event_sample(
 ) -> tuple[Sample, BoolArray]:
     """Return the runs that decide on an event, and in which of them it occurs.
 
-    Some runs may lack a derived output; those that have all outputs of the event are used. Of a
+    Some runs may lack a number; those that have all outputs of the event are used, and those in
+    which a category that it names decides. Of a
     conditional event, those are used that meet the condition. A missing run may meet it or not.
 
     Parameters
@@ -201,13 +202,27 @@ def event_sample(
         Its values are 1 where the event occurs, else 0.
     occurs : ndarray of bool, shape (run,)
     """
-    used = reduce(np.intersect1d, (samples[name].used for name in sorted(event.outputs)))
-    columns = {name: _at(samples[name], used) for name in event.outputs}
+    if event.category_output:
+        completed = samples[event.category_output].used
+        whole = {name: _among(samples[name], completed) for name in event.outputs}
+        known = event.is_known(whole)
+        used = completed[known]
+        columns = {name: values[known] for name, values in whole.items()}
+    else:
+        used = reduce(np.intersect1d, (samples[name].used for name in sorted(event.outputs)))
+        columns = {name: _at(samples[name], used) for name in event.outputs}
     occurs, counts = event.occurs(columns), event.counts(columns)
     if counts is not None:
         used, occurs = used[counts], occurs[counts]
     values = occurs.astype(np.float64)
     return replace(samples[event.limits[0].output], used=used, values=values, level=level), occurs
+
+
+def _among(sample: Sample, runs: IntArray) -> FloatArray:
+    """Return the values of a sample in some runs; NaN in those without one."""
+    values = np.full(len(runs), np.nan)
+    values[np.isin(runs, sample.used, assume_unique=True)] = sample.values
+    return values
 
 
 def _at(sample: Sample, used: IntArray) -> FloatArray:

@@ -28,6 +28,7 @@ from uqpen.core.streams import Stream
 from uqpen.core.units import ANY_DIMENSION, scale
 from uqpen.core.variables import DerivedOutput, Reduction, Variable
 from uqpen.distributions.joint_distribution import JointDistribution
+from uqpen.models.command.model import OUTCOME_OUTPUT
 from uqpen.models.user_code import check_signature
 from uqpen.models.user_module import load_function
 from uqpen.reductions import REDUCTIONS
@@ -459,7 +460,14 @@ def _read_limits(written: object, model: Model) -> tuple[OutputLimit, ...]:
 def _read_limit(written: object, model: Model) -> OutputLimit:
     match = _COMPARISON.match(written) if isinstance(written, str) else None
     if match is None:
-        raise QuantityError(toml_text(written), _LIMIT)
+        flags = _outcome_flags(model)
+        text = written if isinstance(written, str) else ""
+        *negation, flag = text.split() or [""]
+        if flag in flags and negation in ([], ["not"]):
+            position = float(flags.index(flag))
+            return OutputLimit(text, OUTCOME_OUTPUT, not negation, position, is_category=True)
+        expected = f"{_LIMIT}; or an outcome, {', '.join(flags[1:])}" if flags else _LIMIT
+        raise QuantityError(toml_text(written), expected)
     name, sign, value = match.groups()
     outputs = {output.name: output for output in model.all_outputs if output.is_number}
     if name not in outputs:
@@ -468,6 +476,12 @@ def _read_limit(written: object, model: Model) -> OutputLimit:
     output = outputs[name]
     number = parse_quantity(value, output.unit, allow_offset=not output.is_difference).value
     return OutputLimit(f"{name} {sign} {value}", name, sign == ">", number)
+
+
+def _outcome_flags(model: Model) -> list[str]:
+    """Return the categories of the runs of a model with declared outcomes; empty without."""
+    outputs = [each for each in model.outputs if each.name == OUTCOME_OUTPUT]
+    return [category.flag for output in outputs for category in output.categories]
 
 
 def read_published(table: TableReader, parts: StudyParts) -> dict[str, Publication]:
