@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 
 import uqpen
-from uqpen.core.labels import AGREEMENT, DISTANT_VALUES, DROPPED_ROWS
+from uqpen.core.labels import AGREEMENT, CODED_INPUTS, DISTANT_VALUES, DROPPED_ROWS
 from uqpen.core.status import Status
 from uqpen.designs.data import DataDesign
 from uqpen.report.blocks import Alerts
@@ -392,6 +392,25 @@ def test_a_value_that_stands_alone_is_reported(written):
     # The largest of 200 values may well be far from the others, by a multiple of their range.
     heavy = 1 / np.sort(LOADS)[:150]
     assert not written(runs=table(**{"load [kN]": [*heavy, *LOADS[:50]]})).model.distant
+
+
+def test_texts_are_categories_with_sorted_codes(written):
+    soils, ends = np.array(["sand", "clay"])[[0, 1] * 100], np.array(["dry", "wet", "mud"])
+    end = ends[np.arange(200) % 3].astype(object)
+    end[4] = ""
+    text = STUDY.replace('"deflection"', '"deflection", "end"')
+    study = written(text, table(soil=soils, end=end))
+    found = runs_of(study, "data")
+    assert np.array_equal(found["soil"], soils == "sand")
+    assert found.attrs[CODED_INPUTS].endswith(": soil as 0 clay, 1 sand")
+    assert [each.label for each in study.model.outputs[1].categories] == ["dry", "mud", "wet"]
+    assert found["end"].values[[0, 1, 2]].tolist() == [0, 2, 1]
+    assert found["lost_run"].values.tolist() == [4]
+    # One number among texts is a mistake, as is one text among numbers.
+    soils = np.array(["sand", "clay", "1"])[np.arange(200) % 3]
+    assert mistakes(STUDY, table(soil=soils), written) == [
+        ("model.data", '"sand" in column "soil", runs.csv, line 2')
+    ]
 
 
 COLUMNS = """

@@ -180,6 +180,8 @@ AGREEMENT = "agreement_with_inputs"
 # How many rows of a data file are left out, and why; values far from all others in their column.
 DROPPED_ROWS = "dropped_rows"
 DISTANT_VALUES = "distant_values"
+# The codes of inputs that are texts in a data file.
+CODED_INPUTS = "coded_inputs"
 # How they contradict the independence that the study states, and distributions.
 CONTRADICTION = "contradicted_inputs"
 CONTRADICTED_DISTRIBUTIONS = "contradicted_distributions"

@@ -15,6 +15,7 @@ from uqpen.core.errors import Problem, TableError
 from uqpen.core.files import FileSnapshot
 from uqpen.core.labels import (
     AGREEMENT,
+    CODED_INPUTS,
     CONTRADICTED_DISTRIBUTIONS,
     CONTRADICTION,
     DEPENDENCE,
@@ -201,6 +202,7 @@ class DataDesign(Design):
             points[REPLICATE] = points[REPLICATE].astype(np.int64)
         stated = {
             DROPPED_ROWS: self._data.dropped,
+            CODED_INPUTS: self._data.coded,
             DISTANT_VALUES: "; ".join(self._data.distant),
         }
         points.attrs |= {key: text for key, text in stated.items() if text}

@@ -13,6 +13,7 @@ from uqpen.core.catalogue import CATALOGUE, MODEL_FORM_STATISTICS, REQUESTED
 from uqpen.core.labels import (
     AGREEMENT,
     CAVEAT,
+    CODED_INPUTS,
     CONFIDENCE_LEVEL,
     COST_SPENT,
     DIFFERENCES,
@@ -54,6 +55,7 @@ _OF_POINTS = (
     STOPPING_AT_MOST,
     STOPPING_NOTE,
     AGREEMENT,
+    CODED_INPUTS,
     DROPPED_ROWS,
     DISTANT_VALUES,
 )

@@ -13,6 +13,7 @@ from uqpen.archive.read import group_names, read_group
 from uqpen.core.catalogue import MEAN, MODEL_FORM_STATISTICS, REQUESTED, STD
 from uqpen.core.labels import (
     AGREEMENT,
+    CODED_INPUTS,
     CONDITIONAL,
     CONFIDENCE_LEVEL,
     DIFFERENCES,
@@ -188,7 +189,7 @@ def statistics_table(statistics: SourceStatistics, name: str) -> OutputTable | N
     cells = []
     for source in table.columns:
         runs, spent = read_group(statistics.tree, RUNS, source), runs_spent(statistics.tree, source)
-        of_file = (AGREEMENT, DROPPED_ROWS, DISTANT_VALUES)
+        of_file = (AGREEMENT, DROPPED_ROWS, DISTANT_VALUES, CODED_INPUTS)
         notes = [stopping_text(runs), *(str(runs.attrs.get(each, "")) for each in of_file)]
         if (cost := statistics.cost_spent(source)) is not None:
             notes.append(f"with the runs of the stand-ins, the cost of {cost:.4g} runs")

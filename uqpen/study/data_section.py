@@ -13,7 +13,7 @@ from typing import Any
 from uqpen.core.errors import QuantityError, SettingsError, toml_text
 from uqpen.core.labels import NAME, REPLICATE, RESERVED, WEIGHT
 from uqpen.core.lookup import choices
-from uqpen.core.model import Input, Model, Output
+from uqpen.core.model import Category, Input, Model, Output
 from uqpen.core.units import DIMENSIONLESS, si_unit
 from uqpen.designs.data import DataDesign
 from uqpen.designs.design import Design
@@ -177,9 +177,30 @@ def _read_file(table: TableReader, declared: _Declaration) -> DataModel | None:
     units = dict(_units(table, file, declared, [*names, *declared.outputs]))
     if len(table.problems) > noted:
         return None
+    variables = {*names, *declared.outputs}
+    file = replace(
+        file,
+        columns=tuple(each.coded() if each.name in variables else each for each in file.columns),
+    )
+    labels = {name: file.column(name).labels for name in units}
+    codes = (
+        f"{name} as {', '.join(f'{code} {label}' for code, label in enumerate(labels[name]))}"
+        for name in names
+        if labels[name]
+    )
+    coded = "; ".join(codes)
     inputs = tuple(Input(name, si_unit(units[name]), display_unit=units[name]) for name in names)
     outputs = tuple(
-        Output(name, si_unit(units[name]), display_unit=units[name]) for name in declared.outputs
+        Output(
+            name,
+            si_unit(units[name]),
+            display_unit=units[name],
+            categories=tuple(
+                Category(re.sub(r"\W+", "_", label) + f"_{code}", label)
+                for code, label in enumerate(labels[name])
+            ),
+        )
+        for name in declared.outputs
     )
     dropped = ""
     if declared.drops:
@@ -198,6 +219,7 @@ def _read_file(table: TableReader, declared: _Declaration) -> DataModel | None:
         coordinates=data_coordinates(file, (*inputs, *outputs)),
         dropped=dropped,
         distant=tuple(f"{name}: {text}" for name, text in alone if text),
+        coded=coded and f"texts are coded, also for what needs numbers: {coded}",
         treatment=treatment,
     )
 

@@ -407,7 +407,8 @@ class DataDraft:
             yield line("[model.columns]", "headings in the file, by the names of this study")
             yield from (f"{name} = {toml_text(text)}" for name, text in self.headings.items())
             yield ""
-        if bare := [each.name for each in (*self.inputs, *self.outputs) if not each.unit]:
+        variables = (*self.inputs, *self.outputs)
+        if bare := [each.name for each in variables if not (each.unit or each.labels)]:
             yield line("[model.units]", "of columns without a unit in their heading")
             yield from (
                 line(f'{name} = "{DIMENSIONLESS}"', f"{FILL_IN}: its unit") for name in bare
@@ -423,6 +424,8 @@ class DataDraft:
 
     def _outputs(self) -> Iterator[str]:
         for each in self.outputs:
+            if each.labels:
+                continue
             yield f"[outputs.{each.name}]"
             limit = toml_text(f"3 {each.unit or DIMENSIONLESS}")
             yield line(f"# exceeds = [{limit}]", "the probability that it exceeds a limit")
@@ -458,7 +461,8 @@ def data_draft(path: Path, reference: str) -> DataDraft:
     ignored: dict[str, str] = {}
     headings: dict[str, str] = {}
     variables: list[DataColumn] = []
-    for column in file.columns:
+    for written in file.columns:
+        column = written.coded()
         if column.name in OTHER_COLUMNS:
             continue
         if reason := _fault(column):
@@ -557,6 +561,9 @@ def _is_whole(column: DataColumn) -> bool:
 
 def _range(column: DataColumn) -> str:
     """Return the uniform distribution between the smallest and the largest value of a column."""
+    if column.labels:
+        values = ", ".join(map(str, range(len(column.labels))))
+        return f"{{ discrete = {{ values = [{values}] }} }}"
     unit = "" if column.unit in ("", DIMENSIONLESS) else f" {column.unit}"
     lower, upper = (
         toml_text(f"{end:.6g}{unit}") if unit else f"{end:.6g}"

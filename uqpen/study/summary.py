@@ -117,7 +117,7 @@ def unfitted_lines(study: ValidatedStudy) -> Iterator[str]:
 def section_lines(study: ValidatedStudy) -> Iterator[str]:
     """Yield what sections state in a line each: limits, treatment of failed runs, constraints."""
     if isinstance(study.model, DataModel):
-        yield from filter(None, [study.model.dropped])
+        yield from filter(None, [study.model.dropped, study.model.coded])
         yield from (f"warning: {each}" for each in study.model.distant)
     for section in sorted(SECTIONS.values(), key=lambda each: each.rank):
         if section.lines:

@@ -42,6 +42,8 @@ _INFINITE = re.compile(r"[+-]?inf(inity)?", re.IGNORECASE)
 
 # Distinct values of a column in which one can stand alone.
 _FEWEST_VALUES = 10
+# Most labels of a column of texts.
+_MOST_LABELS = 100
 
 # Characters of an entry that a message quotes.
 _MOST_QUOTED = 60
@@ -74,7 +76,23 @@ class DataColumn:
     entries: Entries  # numbers (NaN for a blank entry), or texts if one of them is no number
     # Returns the place of an entry by its number, such as the file and the line.
     place: Callable[[int], str]
+    labels: tuple[str, ...] = ()  # of categories, whose entries are positions in them
     heading: str = ""  # its whole heading; empty for that of a variable, which is its name
+
+    def coded(self) -> DataColumn:
+        """Return a column of texts with codes: positions in its labels, the sorted distinct texts.
+
+        A column with a number among its texts stays as it is, as does one without labels that
+        several rows share: it has a mistake, or a remark on each row.
+        """
+        texts = [] if isinstance(self.entries, np.ndarray) else self.texts()
+        labels = sorted({*texts} - {""})
+        if not 2 <= len(labels) <= min(len(texts) // 2, _MOST_LABELS) or any(
+            _NUMBER.fullmatch(each) or each.lower() == _FAILED for each in labels
+        ):
+            return self
+        code = {"": math.nan} | {label: float(place) for place, label in enumerate(labels)}
+        return replace(self, entries=np.array([code[each] for each in texts]), labels=tuple(labels))
 
     def numbers(self) -> FloatArray:
         """Return its entries as numbers in its unit, shape (run,); NaN if blank, or for ``fail``.
@@ -237,7 +255,7 @@ def read_text(name: str, content: bytes) -> tuple[DataColumn, ...]:
     frame = table.frame([*table.numbering, *kept])
     table.check_numbering(frame)
     return tuple(
-        DataColumn(*parts, _entries(frame[place]), table.place, table.headings[place])
+        DataColumn(*parts, _entries(frame[place]), table.place, heading=table.headings[place])
         for place, parts in kept.items()
     )
 

@@ -15,6 +15,7 @@ from uqpen.charts.marks import has_interval
 from uqpen.core.catalogue import MEASURES
 from uqpen.core.labels import (
     AGREEMENT,
+    CODED_INPUTS,
     CONDITIONAL,
     CONTRADICTED_DISTRIBUTIONS,
     CONTRADICTION,
@@ -461,6 +462,10 @@ def _input_alerts(view: ArchiveView, design: str) -> Iterator[Alert]:
         yield Alert("Rows", f"{dropped}.", "If they differ from the others, so do the statistics.")
     if distant := str(attributes.get(DISTANT_VALUES, "")):
         yield Alert("Values", f"{distant}.", "If they stand for none, name them in missing.")
+    if coded := str(attributes.get(CODED_INPUTS, "")):
+        yield Alert(
+            "Codes", f"{coded}.", "Correlations and surrogates follow the order of these codes."
+        )
     agreement = str(attributes.get(AGREEMENT, ""))
     if agreement and CONTRADICTED_DISTRIBUTIONS not in attributes:
         yield Alert(
