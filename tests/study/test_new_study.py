@@ -149,7 +149,8 @@ def test_a_table_of_a_spreadsheet_gives_its_headings_and_outputs(command_line, t
     peak = rain * area * slope**0.5
     columns = {
         "Run": np.arange(500),
-        "Rain (mm)": rain,
+        "Rain (mm)": np.where(np.arange(500) == 7, -9999, rain),
+        "Land use": np.where(np.arange(500) % 2, "wood", "town"),
         "Area [km2]": area,
         "Bed slope": slope,
         "Peak flow (m3/s)": peak,
@@ -159,7 +160,12 @@ def test_a_table_of_a_spreadsheet_gives_its_headings_and_outputs(command_line, t
     pd.DataFrame(columns).to_csv(tmp_path / "runs.csv", index=False)
     model = _written(command_line, "runs.csv")["model"]
     assert model["outputs"] == ["Peak_flow", "T_peak", "flooded"]
-    assert model["columns"] == {"Bed_slope": "Bed slope", "Peak_flow": "Peak flow (m3/s)"}
+    assert model["columns"] == {
+        "Land_use": "Land use",
+        "Bed_slope": "Bed slope",
+        "Peak_flow": "Peak flow (m3/s)",
+    }
+    assert (model["missing"], model["drop"]) == ([-9999], "blank inputs")
     assert model["ignore"] == ["Run"]
     assert '\n# "Run" numbers the runs\n' in Path("study.toml").read_text(encoding="utf-8")
     assert "the study is right" in command_line("check", "study.toml").out

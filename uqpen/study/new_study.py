@@ -16,7 +16,7 @@ from uqpen.core.labels import NAME, REPLICATE, RESERVED, WEIGHT
 from uqpen.core.lookup import choices
 from uqpen.core.units import DIMENSIONLESS, scale, si_unit
 from uqpen.models.command.program import names_in
-from uqpen.models.data.data_file import DataColumn, read_data_file
+from uqpen.models.data.data_file import DataColumn, is_nines, read_data_file
 from uqpen.models.data.data_model import (
     BLANK_INPUTS,
     REASON,
@@ -380,6 +380,7 @@ class DataDraft:
     guess: str  # why these are taken for outputs
     others: tuple[str, ...]  # the columns with a meaning of their own
     ignored: dict[str, str]  # why a column can be neither input nor output, by name
+    missing: tuple[float, ...]  # numbers that seem to stand for none
     has_gaps: bool  # whether an input is blank in some row
     headings: dict[str, str]  # the headings of columns that are no names, by those given to them
 
@@ -396,6 +397,9 @@ class DataDraft:
         yield f"outputs = {_list(each.name for each in self.outputs)}"
         yield "# All other columns are inputs, as if this stood here:"
         yield f"# inputs = {_list(each.name for each in self.inputs)}"
+        if self.missing:
+            numbers = ", ".join(f"{each:.15g}" for each in self.missing)
+            yield line(f"missing = [{numbers}]", f"{FILL_IN}: what stands for no value")
         if self.has_gaps:
             yield line(f"drop = {toml_text(BLANK_INPUTS)}", "rows without one of their inputs")
         if self.ignored:
@@ -461,8 +465,10 @@ def data_draft(path: Path, reference: str) -> DataDraft:
     ignored: dict[str, str] = {}
     headings: dict[str, str] = {}
     variables: list[DataColumn] = []
+    distant = {each.distant_value() for each in file.columns if not _fault(each)}
+    missing = tuple(sorted(each for each in distant if each is not None and is_nines(each)))
     for written in file.columns:
-        column = written.coded()
+        column = written.without(missing).coded()
         if column.name in OTHER_COLUMNS:
             continue
         if reason := _fault(column):
@@ -491,6 +497,7 @@ def data_draft(path: Path, reference: str) -> DataDraft:
         guess="columns with gaps, and the last that follow from those before",
         others=tuple(each.name for each in file.columns if each.name in OTHER_COLUMNS),
         ignored=ignored,
+        missing=missing,
         has_gaps=not all(map(_is_whole, inputs)),
         headings=headings,
     )
@@ -520,9 +527,11 @@ def _outputs(variables: list[DataColumn]) -> tuple[DataColumn, ...]:
 
 def _follows(column: DataColumn, earlier: Sequence[DataColumn]) -> bool:
     """Check whether a column follows from those before: by a share of the variance of its ranks."""
-    numbers = np.array([each.numbers()[:_MOST_RANKED] for each in (*earlier, column)])
+    # The order of codes has no meaning.
+    plain = [each for each in earlier if not each.labels]
+    numbers = np.array([each.numbers()[:_MOST_RANKED] for each in (*plain, column)])
     ranks = rankdata(numbers[:, np.isfinite(numbers).all(axis=0)], axis=1)
-    if ranks.shape[1] < _FEWEST_RANKED * len(numbers) or not ranks[-1].std():
+    if ranks.shape[1] < _FEWEST_RANKED * len(numbers) or not plain or not ranks[-1].std():
         return False
     *others, own = ranks - ranks.mean(axis=1, keepdims=True)
     unexplained = own - np.transpose(others) @ np.linalg.lstsq(np.transpose(others), own)[0]

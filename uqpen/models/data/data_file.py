@@ -67,6 +67,11 @@ def name_and_unit(heading: str, file: str) -> tuple[str, str]:
     return name, unit if unit != DIMENSIONLESS or {*"[("} & {*heading} else ""
 
 
+def is_nines(value: float) -> bool:
+    """Check that all digits of a number are 9, as in -9999, which often stands for no value."""
+    return {*f"{abs(value):.15g}"} == {"9"}
+
+
 @dataclass(frozen=True, eq=False)
 class DataColumn:
     """Column of a data file."""
@@ -134,8 +139,8 @@ class DataColumn:
         some = entries[kept] if isinstance(entries, np.ndarray) else [entries[row] for row in kept]
         return replace(self, entries=some, place=lambda entry: self.place(kept[entry]))
 
-    def distant_text(self) -> str:
-        """Return a text on the value at either end that stands alone; empty if none does.
+    def distant_value(self) -> float | None:
+        """Return the value at an end of its range that stands alone; None where none does.
 
         It stands in at most a twentieth of the rows, and is away from the next one by ten times
         the range of the others; or by half of it, if its digits are all 9.
@@ -143,20 +148,27 @@ class DataColumn:
         numbers = self.numbers()
         values, counts = np.unique(numbers[np.isfinite(numbers)], return_counts=True)
         if len(values) < _FEWEST_VALUES:
-            return ""
+            return None
         for end, others in ((0, values[1:]), (-1, values[:-1])):
             value, spread = float(values[end]), float(np.ptp(others))
             gap = float(min(abs(others - value)))
-            is_nines = {*f"{abs(value):.15g}"} == {"9"}
-            if gap > spread * (0.5 if is_nines else 10) and counts[end] * 20 <= counts.sum():
-                rows = "1 row" if counts[end] == 1 else f"{counts[end]} rows"
-                first = self.place(int(np.flatnonzero(numbers == value)[0]))
-                unit = f" {self.unit}" if self.unit else ""
-                return (
-                    f"{value:.15g} stands alone in {rows} ({first}), and the others are "
-                    f"{others[0]:.4g} to {others[-1]:.4g}{unit}"
-                )
-        return ""
+            if gap > spread * (0.5 if is_nines(value) else 10) and counts[end] * 20 <= counts.sum():
+                return value
+        return None
+
+    def distant_text(self) -> str:
+        """Return a text on the value that stands alone; empty where none does."""
+        value, numbers = self.distant_value(), self.numbers()
+        if value is None:
+            return ""
+        rows = np.flatnonzero(numbers == value)
+        others = numbers[np.isfinite(numbers) & (numbers != value)]
+        unit = f" {self.unit}" if self.unit else ""
+        return (
+            f"{value:.15g} stands alone in {'1 row' if rows.size == 1 else f'{rows.size} rows'} "
+            f"({self.place(int(rows[0]))}), and the others are "
+            f"{others.min():.4g} to {others.max():.4g}{unit}"
+        )
 
     def entry_text(self, entry: int) -> str:
         """Return an entry as `texts` does, without the others."""
