@@ -413,6 +413,49 @@ def test_texts_are_categories_with_sorted_codes(written):
     ]
 
 
+TOGETHER = """
+seed = 1
+surrogates.gp = { kind = "gaussian-process", design = "data" }
+[model]
+data = "runs.csv"
+outputs = ["peak"]
+ignore = ["Run"]
+columns = { peak = "Peak flow (m3/s)", soil = "Soil type" }
+missing = [-9999]
+drop = "blank inputs"
+together = true
+"""
+
+
+def test_ten_lines_make_drivers_and_predictions_of_a_table_as_people_write_it(
+    written, tmp_path, command_line
+):
+    rain, area = 90 * LOADS + 10, LENGTHS + 1
+    soil = np.where(np.arange(200) % 3, "clay", "sand")
+    peak = rain * area * np.where(soil == "clay", 1.1, 1.0)
+    columns = {"Run": np.arange(200), "Rain (mm)": rain.copy(), "Area [km2]": area}
+    columns |= {"Soil type": soil, "Peak flow (m3/s)": peak}
+    columns["Rain (mm)"][[3, 90]] = -9999
+    study = written(TOGETHER, pd.DataFrame(columns).to_csv(index=False))
+    uqpen.make_archive(study, tmp_path / "flood.nc")
+    tree = uqpen.open_archive(tmp_path / "flood.nc")
+    first = tree["statistics/data/peak/first_order"].sel(bound="estimate")
+    assert first.idxmax().item() == "Rain"
+    # The inputs of the surrogate are the rows, so its mean is that of the runs; it has no indices.
+    of_rows, of_runs = (tree[f"statistics/{each}/peak/mean"].values[0] for each in ("gp", "data"))
+    assert of_rows == pytest.approx(of_runs, rel=1e-3)
+    note = SourceStatistics(tree).statistics("gp", "peak")["first_order"].coords["note"].values
+    assert {*np.ravel(note)} == {
+        "its draws are whole rows of a sample, of which no part is given the rest"
+    }
+    (tmp_path / "new.csv").write_text("Rain (mm),Area [km2],soil\n50,1.5,0\n")
+    assert command_line("predict", "flood.nc:gp", "new.csv", "-o", "found.csv").code == 0
+    found = pd.read_csv(tmp_path / "found.csv")
+    assert found["peak [m3/s]"][0] == pytest.approx(82.5, rel=0.01)
+    assert 0 < found["peak_std [m3/s]"][0] < 1
+    assert mistakes(TOGETHER.replace("= true", "= 1"), "", written) == [("model.together", "1")]
+
+
 COLUMNS = """
 [model.columns]
 rain = "Rain (mm)"

@@ -58,6 +58,7 @@ class _Declaration:
     units: Mapping[str, str]
     headings: Mapping[str, str]  # those of columns that have other names in the study
     missing: list[float | str]  # entries that stand for none
+    together: bool  # whether the inputs are distributed as the rows
     drops: bool  # whether rows with a blank input are left out
 
 
@@ -86,11 +87,14 @@ def read_data(table: TableReader) -> Model | None:
     drop = table.take("drop")
     if (drops := drop is not None) and drop != BLANK_INPUTS:
         table.add_wrong("drop", drop, f'"{BLANK_INPUTS}", the rows without one of their inputs')
+    together = table.take("together") or False
+    if not isinstance(together, bool):
+        table.add_wrong("together", together, "true: the inputs are distributed as the rows")
     table.check_unknown_keys()
     if len(table.problems) > noted or file is None or outputs is None:
         return None
     declared = _Declaration(
-        file, outputs, inputs, ignored or [], units.content, headings, missing, drops
+        file, outputs, inputs, ignored or [], units.content, headings, missing, together, drops
     )
     try:
         return _read_file(table, declared)
@@ -220,6 +224,7 @@ def _read_file(table: TableReader, declared: _Declaration) -> DataModel | None:
         dropped=dropped,
         distant=tuple(f"{name}: {text}" for name, text in alone if text),
         coded=coded and f"texts are coded, also for what needs numbers: {coded}",
+        together=declared.together,
         treatment=treatment,
     )
 

@@ -30,6 +30,7 @@ from uqpen.distributions.input_group import (
     conditional_joint,
 )
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
+from uqpen.models.data.data_model import DataModel
 from uqpen.study.table_reader import OBJECT, TableReader, read_named_object
 from uqpen.study.user_defined_members import COPULA, read_class
 
@@ -94,6 +95,16 @@ def read_groups(table: TableReader, model: Model, given: TableReader) -> Groups:
             group, units = found
             groups.append(group)
             entries |= _entries(group, units, model)
+    if isinstance(model, DataModel) and model.together:
+        left = [each for each in model.inputs if each.name not in {*given, *owners}]
+        weights = model.coordinates.get(WEIGHT, np.ones(model.runs))
+        if left and np.count_nonzero(weights) > 1:
+            rows = np.column_stack([model.points[each.name] for each in left])
+            of_file = tuple(each.name for each in left)
+            of_rows = SampleDistribution(of_file, rows, weights, model.name, model.file)
+            groups.append(of_rows)
+            entries |= _entries(of_rows, tuple(each.preferred_unit for each in left), model)
+            owners |= dict.fromkeys(of_file, "data")
     return Groups(tuple(groups), entries, owners)
 
 

@@ -33,6 +33,7 @@ class DataModel(Model):
     dropped: str = ""  # how many rows of the file are left out, and why
     distant: tuple[str, ...] = ()  # values that stand alone in the column of a variable
     coded: str = ""  # the codes of inputs that are texts in the file
+    together: bool = False  # whether the inputs are distributed as its rows, with their dependence
     # What the study says of entries and rows, as its own text, where it says so.
     treatment: Mapping[str, str] = field(default_factory=dict)
 
