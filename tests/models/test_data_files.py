@@ -1,5 +1,6 @@
 """Data files: every format gives the same columns, and each mistake has a place."""
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -137,6 +138,26 @@ def test_parquet_and_csv_give_the_same(tmp_path):
         ("a", "kN", ["1", "2.5"]),
         ("y", "", ["", "3"]),
     ]
+
+
+def test_excel_and_csv_give_the_same(tmp_path):
+    pytest.importorskip("openpyxl", reason="pandas reads Excel with openpyxl")
+    rows = {"Rain (mm)": [1.0, None, 2.5], "soil": ["clay", None, "sand"]}
+    pd.DataFrame(rows).to_excel(tmp_path / "runs.xlsx", index=False)
+    read = read_data_file(tmp_path / "runs.xlsx")
+    assert [(column.name, column.unit, column.texts()) for column in read.columns] == [
+        ("Rain", "mm", ["1", "2.5"]),
+        ("soil", "", ["clay", "sand"]),
+    ]
+    assert read.columns[0].place(1) == "runs.xlsx, row 4"
+    with pytest.raises(SettingsError, match="an Excel file"):
+        file_of("a,b", "runs.xlsx")
+
+
+def test_excel_without_its_package_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "openpyxl", None)
+    with pytest.raises(SettingsError, match=r"pip install uqpen\[excel\], or a CSV file"):
+        file_of("", "runs.xlsx")
 
 
 @pytest.mark.parametrize("blank", ["", " ", "nan", "NaN", "NA", "null"])

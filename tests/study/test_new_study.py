@@ -213,7 +213,7 @@ def test_a_study_of_any_data_file_passes_as_it_is_written(columns, tmp_path_fact
         (["broken.py:f"], "broken.py, line 2: is no Python: "),
         (["there.py:f", "-o", "beam.py"], "beam.py: is there already; expected a new file (-o)"),
         (["a.json"], "found a.json; expected FILE.py:FUNCTION, a data file (.csv, "),
-        (["none.csv"], 'none.csv: found no file "none.csv"; expected a CSV, NetCDF, Parquet or'),
+        (["none.csv"], 'none.csv: found no file "none.csv"; expected a CSV, Excel, NetCDF,'),
         (["texts.csv"], '"x" has texts; expected one without a blank for an input, and one for'),
         (["state.csv"], 'found "fine" in column "status", state.csv, line 2; expected one of ok'),
         (["--command", "./solver 1"], "the command does not have a placeholder such as {load}"),

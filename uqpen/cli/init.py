@@ -11,7 +11,7 @@ import click
 from uqpen.cli.options import PATH
 
 # Endings of data files. Another file may be the template of a program.
-_DATA = (".csv", ".tsv", ".txt", ".dat", ".nc", ".parquet")
+_DATA = (".csv", ".tsv", ".txt", ".dat", ".nc", ".parquet", ".xlsx")
 
 
 @click.command(short_help="Write a first study file of a function, a program or a data file.")
@@ -23,7 +23,7 @@ def init(source: str | None, command: str | None, file: Path | None) -> None:
 
     Arguments of FUNCTION become inputs, and its defaults their nominal values. The file is parsed,
     not executed. A program has inputs by placeholders {name}, in its arguments or in TEMPLATE. DATA
-    is a CSV, NetCDF, Parquet or Dakota file with a column for each input and output.
+    is a CSV, Excel, NetCDF, Parquet or Dakota file with a column for each input and output.
 
     \b
     uqpen init beam.py:deflection

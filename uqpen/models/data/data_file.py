@@ -1,4 +1,4 @@
-"""Data files: CSV, tables of Dakota, NetCDF and Parquet, as columns of entries."""
+"""Data files: CSV, Excel, tables of Dakota, NetCDF and Parquet, as columns of entries."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import io
 import itertools
 import math
 import re
+import zipfile
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -481,6 +482,28 @@ def read_parquet(name: str, content: bytes) -> tuple[DataColumn, ...]:
     return frame_columns(name, frame)
 
 
+def read_excel(name: str, content: bytes) -> tuple[DataColumn, ...]:
+    """Read the columns of the first sheet of an Excel file, headed ``name [unit]``.
+
+    SettingsError if it cannot be read, or openpyxl is not installed.
+    """
+    import pandas as pd
+
+    try:
+        frame = pd.read_excel(io.BytesIO(content), engine="openpyxl", dtype=object)
+    except ImportError:
+        found = f"{name}, an Excel file, and openpyxl not installed"
+        raise data_error(found, "pip install uqpen[excel], or a CSV file") from None
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
+        raise data_error(f"{name}, which cannot be read: {error}", "an Excel file") from None
+    kept = np.flatnonzero(frame.notna().any(axis="columns")).tolist()
+
+    def place(entry: int) -> str:
+        return f"{name}, row {kept[entry] + 2}"
+
+    return tuple(replace(each, place=place) for each in frame_columns(name, frame.iloc[kept]))
+
+
 def frame_columns(file: str, frame: Any) -> tuple[DataColumn, ...]:
     """Return the columns of a pandas DataFrame, headed ``name [unit]``.
 
@@ -515,15 +538,16 @@ def _row(file: str, entry: int) -> str:
 _READERS: dict[str, Callable[[str, bytes], tuple[DataColumn, ...]]] = {
     ".nc": read_netcdf,
     ".parquet": read_parquet,
+    ".xlsx": read_excel,
 }
 
 
 def read_data_file(path: Path) -> DataFile:
-    """Read a data file: NetCDF if it ends in ``.nc``, Parquet if in ``.parquet``, else a text.
+    """Read a data file: by the ending ``.nc``, ``.parquet`` or ``.xlsx``, else a text.
 
     SettingsError if it is not there, or has a mistake, which it names with its line.
     """
-    expected = "a CSV, NetCDF, Parquet or Dakota file"
+    expected = "a CSV, Excel, NetCDF, Parquet or Dakota file"
     try:
         is_netcdf = path.suffix.lower() == ".nc"
         return data_file(path, read_file(path, LARGEST_DATA if is_netcdf else None))
