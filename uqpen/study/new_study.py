@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from scipy.stats import rankdata
+import scipy
 
 from uqpen.core.errors import ModelError, QuantityError, SettingsError, UnknownNameError, toml_text
 from uqpen.core.labels import NAME, REPLICATE, RESERVED, WEIGHT
@@ -530,7 +530,7 @@ def _follows(column: DataColumn, earlier: Sequence[DataColumn]) -> bool:
     # The order of codes has no meaning.
     plain = [each for each in earlier if not each.labels]
     numbers = np.array([each.numbers()[:_MOST_RANKED] for each in (*plain, column)])
-    ranks = rankdata(numbers[:, np.isfinite(numbers).all(axis=0)], axis=1)
+    ranks = scipy.stats.rankdata(numbers[:, np.isfinite(numbers).all(axis=0)], axis=1)
     if ranks.shape[1] < _FEWEST_RANKED * len(numbers) or not plain or not ranks[-1].std():
         return False
     *others, own = ranks - ranks.mean(axis=1, keepdims=True)
