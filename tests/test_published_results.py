@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import uqpen
-from uqpen.replication import replicate
+from uqpen.replication import ReadingResult, Replication, replicate
+from uqpen.statistics.published import Comparison, TableComparison
 
 STUDIES = Path(__file__).parents[1] / "studies" / "published"
 
@@ -54,3 +55,12 @@ def test_the_tangent_touches_the_equation_of_the_viscometer():
         moved = nominal | {name: value * (1 + 1e-6)}
         by_tangent = model["tangent"](**moved)["mu_m"]
         assert by_tangent == pytest.approx(model["viscosity"](**moved)["mu_m"], rel=1e-11)
+
+
+@pytest.mark.parametrize(("error", "is_few"), [(0.0224, False), (0.05, True)], ids=str)
+def test_few_runs_are_mentioned_where_a_tail_is_heavy(error, is_few):
+    # The errors of a standard deviation of 1 by 1 000 runs with a kurtosis of 3 and of 11.
+    figure = Comparison("y", "std", 1.1, 1.0, error, error, 0.05)
+    stated = ReadingResult("", "", TableComparison((figure,), 1000, 0.01), (), ())
+    assert Replication("paper", "A paper", stated, (), 1000).has_few_runs == is_few
+    assert figure.decimals == 1

@@ -31,6 +31,8 @@ from uqpen.study.load import reading_study
 from uqpen.study.study import ValidatedStudy
 from uqpen.verification.archived_study import restored_study
 
+# A kurtosis above which a sample underestimates its own noise.
+_HEAVY = 4.5
 # A reading whose figures are less probable than this is rejected.
 LEVEL = 0.05
 
@@ -97,10 +99,16 @@ class Replication:
 
     @property
     def has_few_runs(self) -> bool:
-        """True if the runs are fewer than ten times those of the publication."""
-        return (
-            self.published_runs is not None and self.stated.moments.runs < 9 * self.published_runs
-        )
+        """True if a tail is heavy and the runs are fewer than ten times those of the publication.
+
+        The error of a standard deviation tells the kurtosis, as far as these runs know it.
+        """
+        runs = self.stated.moments.runs
+        figures = self.stated.moments.figures
+        deviations = [each for each in figures if each.figure == "std" and each.found]
+        kurtosis = [1 + 4 * runs * (each.found_error / each.found) ** 2 for each in deviations]
+        is_heavy = not kurtosis or max(kurtosis) > _HEAVY
+        return is_heavy and self.published_runs is not None and runs < 9 * self.published_runs
 
     @property
     def chance_agreements(self) -> float:

@@ -94,8 +94,8 @@ def _show(found: Replication) -> None:
     rows: _Rows = [
         (
             f"{each.figure} of {each.output}",
-            number_text(each.published),
-            number_text(each.found),
+            f"{each.published:.{each.decimals}f}",
+            f"{each.found:.{each.decimals}f}",
             number_text(each.published_error, 2),
             number_text(each.found_error, 2),
             f"{each.z:.2f}",

@@ -110,6 +110,11 @@ class Comparison(NamedTuple):
     half_digit: float
 
     @property
+    def decimals(self) -> int:
+        """Number of decimals that the published figure is known to."""
+        return max(0, math.ceil(-math.log10(2 * self.half_digit) - 1e-9)) if self.half_digit else 9
+
+    @property
     def error(self) -> float:
         """Standard deviation of the difference: both noises, and a rounding that is uniform."""
         return math.hypot(self.published_error, self.found_error, self.half_digit / math.sqrt(3))
