@@ -21,7 +21,9 @@ from uqpen.core.lookup import resolve
 from uqpen.study.load import parse_study
 
 ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+# Without the pages that the build of the site writes.
+WRITTEN = sorted({*(ROOT / "docs").rglob("*.md")} - {*(ROOT / "docs" / "reference").rglob("*.md")})
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *WRITTEN]
 
 
 BLOCKS = [block for page in PAGES for block in blocks_of(page)]
