@@ -5,10 +5,19 @@ from runpy import run_path
 
 import numpy as np
 import pytest
+import xarray as xr
+from scipy import stats
 
 import uqpen
-from uqpen.replication import ReadingResult, Replication, replicate
-from uqpen.statistics.published import Comparison, TableComparison
+from uqpen.core.model import Output
+from uqpen.replication import LEVEL, ReadingResult, Replication, replicate
+from uqpen.statistics.published import (
+    Comparison,
+    Publication,
+    PublishedEstimates,
+    TableComparison,
+    compare_moments,
+)
 
 STUDIES = Path(__file__).parents[1] / "studies" / "published"
 
@@ -64,3 +73,30 @@ def test_few_runs_are_mentioned_where_a_tail_is_heavy(error, is_few):
     stated = ReadingResult("", "", TableComparison((figure,), 1000, 0.01), (), ())
     assert Replication("paper", "A paper", stated, (), 1000).has_few_runs == is_few
     assert figure.decimals == 1
+
+
+def test_right_publications_are_rejected_as_often_as_the_level_says(monkeypatch):
+    """Four figures of two outputs that go together, each printed with two decimals."""
+    # A probability of 5 % is known to 0.3 %, which is nothing beside 300 cases.
+    monkeypatch.setattr("uqpen.statistics.published.VECTORS", 5_000)
+    rng = np.random.default_rng(11)
+    covariance = [[1.0, 0.8], [0.8, 1.0]]
+    cases, rejected = 300, 0
+    for _ in range(cases):
+        theirs, ours = (rng.multivariate_normal([5, 5], covariance, size) for size in (400, 4000))
+        estimates = tuple(
+            PublishedEstimates(
+                Output(name, "1"),
+                mean=round(float(values.mean()), 2),
+                std=round(float(values.std(ddof=1)), 2),
+                rounding={"mean": 0.005, "std": 0.005},
+            )
+            for name, values in zip("ab", theirs.T, strict=True)
+        )
+        columns = {name: ("run", values) for name, values in zip("ab", ours.T, strict=True)}
+        runs = xr.Dataset({"status": ("run", np.zeros(4000, dtype=np.int8)), **columns})
+        publication = Publication("a paper", estimates, runs=400)
+        rejected += compare_moments(publication, runs, rng).p < LEVEL
+    # Neither bound is passed by a true rate of 5 % in one of a thousand repetitions.
+    low, high = stats.binom(cases, LEVEL).ppf([0.0005, 0.9995])
+    assert low <= rejected <= high
