@@ -101,7 +101,7 @@ class Replication:
     def has_few_runs(self) -> bool:
         """True if a tail is heavy and the runs are fewer than ten times those of the publication.
 
-        The error of a standard deviation tells the kurtosis, as far as these runs know it.
+        The kurtosis follows from the error of a standard deviation, as far as these runs show it.
         """
         runs = self.stated.moments.runs
         figures = self.stated.moments.figures
