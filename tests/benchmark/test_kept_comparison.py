@@ -16,6 +16,7 @@ from uqpen.archive.read import open_archive
 from uqpen.archive.write import write
 from uqpen.core.errors import ArchiveError
 from uqpen.report.page import report_page
+from uqpen.report.sections.summary import summary_lines
 from uqpen.results.method_comparison import MethodComparison, benchmark_json
 
 FOLDER = Path(__file__).parents[1] / "data" / "comparisons"
@@ -32,6 +33,12 @@ def path(tmp_path):
 def test_scripts_get_the_same(path):
     reported = json.loads(gzip.decompress((FOLDER / "schema_1.json.gz").read_bytes()))
     assert json.loads(json.dumps(benchmark_json(open_archive(path)))) == reported
+
+
+def test_it_sums_itself_up_by_its_leaders(path):
+    lines = list(summary_lines(open_archive(path)))
+    assert lines
+    assert all(re.match(r"At \d+ runs, .*(lead|level|ahead)", line) for line in lines)
 
 
 def test_the_reference_keeps_how_each_interval_was_made(path):

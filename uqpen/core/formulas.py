@@ -59,7 +59,7 @@ class Formula:
 
     @property
     def may_fail(self) -> bool:
-        """Whether it may have no value where all that it names have one, by a root or logarithm.
+        """True if a root or logarithm may leave it without a value that its names all have.
 
         A divisor that is exactly 0, or a number beyond all doubles, is not expected.
         """
@@ -69,7 +69,7 @@ class Formula:
 
     @property
     def is_computed(self) -> bool:
-        """Whether its value is none of those that it names, as that of ``max(a, b)`` is."""
+        """True if its value is a new number, not one of those that it names as in ``max(a, b)``."""
         nodes = ast.walk(parse_tree(self.text, _FORMULA))
         return any(isinstance(each, ast.BinOp | ast.UnaryOp) for each in nodes)
 

@@ -337,7 +337,7 @@ class DerivedOutput(ABC):
     @property
     @abstractmethod
     def source(self) -> str:
-        """What it follows from, for a reader: the name of a field, or a formula."""
+        """The name of the field, or the formula, that it follows from, as a reader sees it."""
 
     @abstractmethod
     def values(self, found: Arrays, is_ok: BoolArray) -> FloatArray:

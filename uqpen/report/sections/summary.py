@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import islice
+from itertools import chain, islice
 
 import numpy as np
 import xarray as xr
 
+from uqpen.archive.read import is_benchmark
 from uqpen.charts.marks import has_interval
-from uqpen.report.blocks import Finding, Text
+from uqpen.report.blocks import Finding, Quote, Text
 from uqpen.report.sections.answer import answer, caveat_text, model_form_texts
+from uqpen.report.sections.benchmark import leaders
 from uqpen.report.sections.failures import missing_count, missing_run_sentences
 from uqpen.report.sections.findings import SCOPE, alerts
 from uqpen.report.sections.sentences import (
@@ -35,7 +37,7 @@ _MOST_STATISTICS = 3
 
 
 def summary_lines(tree: xr.DataTree) -> Iterator[str]:
-    """Yield the main results of a study's archive, the most important ones first.
+    """Yield the main results of an archive, the most important ones first.
 
     A line is plain text. It has no end within a number and its unit, as their spaces are such at
     which no line ends.
@@ -43,20 +45,27 @@ def summary_lines(tree: xr.DataTree) -> Iterator[str]:
     Parameters
     ----------
     tree : DataTree
-        An archive of a study, as `run` returns it.
+        An archive of a study, as `run` returns it, or of a benchmark of methods.
 
     Yields
     ------
     str
         Verdicts and requested statistics with their intervals, in units of the study; the inputs
-        that drive each output; failed runs; what to mind.
+        that drive each output; failed runs; what to mind. Of a benchmark, which methods lead.
     """
     view = select_view(tree, None, None, None)
-    design = view.leading_design
-    if design is None:
+    if is_benchmark(tree):
+        quoted = (block for block in leaders(view) if isinstance(block, Quote))
+        yield from chain.from_iterable(block.sentences for block in quoted)
+    elif view.leading_design is None:
         yield from (each.text for each in answer(view) if isinstance(each, Text))
         yield from map(_finding_line, rare_event_findings(view))
-        return
+    else:
+        yield from _sample_lines(view, view.leading_design)
+
+
+def _sample_lines(view: ArchiveView, design: str) -> Iterator[str]:
+    """Yield the main results of a study by the design that leads."""
     views = view.model_views if view.model else (view,)
     main = main_outputs(view)
     by_output = [list(_output_lines(views, output, design)) for output in main]
