@@ -177,6 +177,9 @@ class TestThreshold:
         page.evaluate("location.hash = '#scatter&y>0.55_m'")
         page.wait_for_function("() => document.querySelector('.threshold').value === '0.55'")
         assert page.evaluate("document.getElementById('scatter').getBoundingClientRect().top") < 200
+        # Charts that come near are drawn, and those of the threshold follow, before the click.
+        page.wait_for_selector("html[data-ready=yes]")
+        _settle(page)
         page.locator("nav li a").first.click()
         page.wait_for_function(
             "() => decodeURIComponent(location.hash).startsWith('#answer&y>0.55_m')"
