@@ -75,6 +75,7 @@ from uqpen.core.labels import (
     MODELS,
     NOT_FITTED,
     NOTE,
+    POINT,
     PROBABILITY,
     RECIPE,
     REFERENCE,
@@ -359,10 +360,27 @@ def _run_faults(runs: xr.Dataset) -> Iterator[str]:
         yield f"no {RUN} numbers"
     elif not is_true_by_blocks(lambda run: (np.diff(run) > 0).all(), numbers, overlap=1):
         yield f"{RUN} numbers that do not ascend"
+    elif REPEAT in runs.coords and not _has_repeats(runs):
+        yield f"a {REPEAT} without a {POINT}, or another one than its place among the runs there"
     elif WEIGHT in runs.coords and not _has_weights(runs.variables[WEIGHT]):
         yield f"a {WEIGHT} that is none"
     elif FAILURE_REASON in runs and not _has_failed_run_reasons(runs):
         yield f"reasons without a {FAILED_RUN}"
+
+
+def _has_repeats(runs: xr.Dataset) -> bool:
+    """Return True if every run has its point and its number there, and they stand in order."""
+    if POINT not in runs.coords:
+        return False
+    variables = [runs.variables[name] for name in (POINT, REPEAT)]
+    if any(each.dims != (RUN,) or not has_kind(each, "count") for each in variables):
+        return False
+
+    def are_numbered(point: IntArray, repeat: IntArray) -> bool:
+        is_next = (np.diff(point) == 0) & (np.diff(repeat) == 1)
+        return bool((is_next | ((np.diff(point) > 0) & (repeat[1:] == 0))).all())
+
+    return is_true_by_blocks(are_numbered, *variables, overlap=1)
 
 
 def _has_weights(weights: xr.Variable) -> bool:

@@ -218,6 +218,11 @@ def _discard_runs(finished: CheckpointFolder, study: ValidatedStudy, resume: Res
             'keep = "all" in [model] keeps those of later runs; with --fresh, the others are '
             "repeated"
         )
+    if resume.repeat_failed and any(each.noise.is_unseeded for each in models.values()):
+        raise StudyError(
+            "lost runs of a model with noise and no seed are not made again: to try until a run "
+            "completes draws from another distribution than the model's; give a seed in [model]"
+        )
     if resume.fresh or resume.read_again:
         finished.remove_all()
     finished.check_compatibility()

@@ -74,7 +74,11 @@ _SHARE = 0.01
 
 _MOST_NAMED = 4
 
-_NOISE = "its model gives other results for the same inputs"
+_NOISE = (
+    "its model gives other results for the same inputs; if it has noise of its own, say so by "
+    "noise = true in [model], or give its runs a seed"
+)
+_UNSEEDED = "its model has noise of its own and no seed: each run is another one"
 _CHANGE = (
     "the model has changed in a way that its files do not show, or its results depend on the "
     "order of its runs"
@@ -175,6 +179,9 @@ class Recheck:
         if not self.applies(name):
             return RecheckOutcome()
         model = self.study.models[name].model
+        if model.noise.is_unseeded:
+            self._inform(name, place, sources, f"no run is made again, as {_UNSEEDED}")
+            return RecheckOutcome(is_unchecked=True)
         generator = Stream(self.study.seed, "recheck", name).generator()
         chosen = choose_runs(model, sources, generator)
         # Of runs that are not kept, those of a design of which none may have ended by the machine.
@@ -396,7 +403,15 @@ class _HashComparison:
     def make(self, model: Model, seconds: float | None) -> str:
         """Make the batch again; return why all runs are refused, empty if they are not."""
         variant = self._study.models[self._name].with_model(model)
-        arguments = (self._study, variant, self._design, self.total, [self._number], self._map)
+        arguments = (
+            self._study,
+            self._name,
+            variant,
+            self._design,
+            self.total,
+            [self._number],
+            self._map,
+        )
         again = next(sha256 for _, sha256 in hashes_again(*arguments, _NoReports()))
         if again == self._sha256:
             return ""

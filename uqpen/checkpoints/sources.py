@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import tomllib
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -53,6 +53,7 @@ from uqpen.execution.batch import BatchResult
 from uqpen.execution.batching import BATCH_SIZE
 from uqpen.execution.checkpoint import Checkpoint
 from uqpen.execution.omitted_runs import are_omitted
+from uqpen.execution.seeds import Occurrences
 from uqpen.study.identity import StudyIdentity, archived_identity, depends_on_batch
 from uqpen.study.study import ValidatedStudy
 
@@ -349,9 +350,9 @@ def input_columns(runs: xr.Dataset, model: Model) -> dict[str, FloatArray]:
     """Return the inputs of a model that archived runs have, each a value a run."""
     size = runs.sizes[RUN]
     return {
-        variable.name: np.broadcast_to(runs.variables[variable.name].values, size)
-        for variable in model.inputs
-        if variable.name in runs
+        name: np.broadcast_to(runs.variables[name].values, size)
+        for name in model.run_inputs
+        if name in runs
     }
 
 
@@ -376,13 +377,35 @@ _SHIFT = np.uint64(29)
 
 def by_inputs(model: Model, sources: Iterable[RunSource]) -> dict[frozenset[str], list[RunSource]]:
     """Return sources of runs by those inputs of a model that their runs were given."""
-    names = {variable.name for variable in model.inputs}
+    names = set(model.run_inputs)
     found: dict[frozenset[str], list[RunSource]] = {}
     for source in sources:
         inputs = {name: each for name, each in source.runs.inputs.items() if name in names}
         own = replace(source, runs=replace(source.runs, inputs=inputs))
         found.setdefault(frozenset(inputs), []).append(own)
     return found
+
+
+# Of a model with noise and no seed, a run is one of those at its point, and of its design. It
+# stands for one of the points there, never for two: this column has its number among equal ones.
+_OCCURRENCE = "\0occurrence"
+
+
+def _numbered(model: Model, sources: Iterable[RunSource]) -> dict[frozenset[str], list[RunSource]]:
+    """Return sources as `by_inputs` does, by the name of their design as well, and numbered."""
+    found: dict[frozenset[str], list[RunSource]] = {}
+    counts: dict[tuple[object, ...], Occurrences] = {}
+    for inputs, own in by_inputs(model, sources).items():
+        for source in own:
+            count = counts.setdefault((source.place, source.folder, source.design), Occurrences())
+            columns = {**source.runs.inputs, _OCCURRENCE: count.numbers(source.runs.inputs)}
+            numbered = replace(source, runs=replace(source.runs, inputs=columns))
+            found.setdefault(inputs | {_design_key(source.design)}, []).append(numbered)
+    return found
+
+
+def _design_key(design: str) -> str:
+    return f"\0design {design}"
 
 
 class IndexedRuns:
@@ -505,11 +528,14 @@ class RunFinder:
         self._indexed = {
             name: {
                 inputs: IndexedRuns(model, own, study.constraints)
-                for inputs, own in by_inputs(model, found).items()
+                for inputs, own in (
+                    _numbered(model, found) if model.noise.is_unseeded else by_inputs(model, found)
+                ).items()
             }
             for name, found in sources.items()
             for model in [study.models[name].model]
         }
+        self._occurrences = defaultdict[tuple[str, str], Occurrences](Occurrences)
         self._made_with: set[str] = set()
         self._not_made_again: set[tuple[str, str]] = set()
 
@@ -520,10 +546,32 @@ class RunFinder:
         """
         return _ReusingCheckpoint(self, own, design, model) if self._indexed[model] else own
 
-    def indexed_runs(self, model: str, inputs: Arrays) -> IndexedRuns | None:
-        """Return the runs of a model with those inputs that points have; None for none."""
-        names = {variable.name for variable in self._study.models[model].model.inputs}
-        return self._indexed[model].get(frozenset(names.intersection(inputs)))
+    def indexed_runs(
+        self, model: str, inputs: Arrays, design: str, count: Occurrences | None = None
+    ) -> tuple[IndexedRuns, Arrays] | None:
+        """Return the runs of a model with those inputs that points have; None for none.
+
+        Parameters
+        ----------
+        inputs : mapping of str to ndarray, shape (run,)
+            The next points of a design.
+        count : Occurrences, optional
+            Count of the points so far; without it, that of the design as its runs are made.
+
+        Returns
+        -------
+        runs : IndexedRuns
+        inputs : mapping of str to ndarray, shape (run,)
+            The inputs by which these find a run.
+        """
+        own = self._study.models[model].model
+        names = frozenset(set(own.run_inputs).intersection(inputs))
+        if own.noise.is_unseeded:
+            count = self._occurrences[design, model] if count is None else count
+            number = count.numbers({name: inputs[name] for name in names})
+            inputs, names = {**inputs, _OCCURRENCE: number}, names | {_design_key(design)}
+        found = self._indexed[model].get(names)
+        return None if found is None else (found, inputs)
 
     def count(self, found: IndexedRuns, at: IntArray, design: str, model: str) -> None:
         """Record the runs that a design takes, given their positions."""
@@ -556,9 +604,10 @@ class RunFinder:
     def places_of(self, model: str, design: str) -> set[str]:
         """Return the places of a model's runs that are at the first points of a design."""
         inputs = first_points(self._study, design, model)
-        found = self.indexed_runs(model, inputs)
-        if found is None:
+        indexed = self.indexed_runs(model, inputs, design, Occurrences())
+        if indexed is None:
             return set()
+        found, inputs = indexed
         at = found.find(inputs, 0, len(next(iter(inputs.values()))))
         return {source.place for source in found.sources_of(at)}
 
@@ -587,7 +636,7 @@ def first_points(study: ValidatedStudy, design: str, model: str) -> Arrays:
     """
     stream = Stream(study.seed, "designs", design)
     drawn = first_round(study.designs[design], study.joint, stream)
-    points = drawn.assign(study.models[model].given)
+    points = study.run_seeds(model).assigned(drawn.assign(study.models[model].given))
     blocked = LoadedDataset(points) if isinstance(points, xr.Dataset) else points
     head = blocked.read(0, min(blocked.size, BLOCK))
     return {str(key): head[key].broadcast_like(head[RUN]).values for key in head.data_vars}
@@ -606,11 +655,12 @@ class _ReusingCheckpoint(Checkpoint):
         return self._own.prepare(runs)
 
     def restore(self, start: int, inputs: Arrays) -> Iterator[BatchResult]:
-        found = self._finder.indexed_runs(self._model, inputs)
-        if found is None:
+        indexed = self._finder.indexed_runs(self._model, inputs, self._design)
+        if indexed is None:
             yield from self._own.restore(start, inputs)
             return
-        at = found.find(inputs, start, self._size)
+        found, columns = indexed
+        at = found.find(columns, start, self._size)
         for batch_result in self._own.restore(start, inputs):
             first = batch_result.start - start
             at[first : first + len(batch_result)] = -1

@@ -16,6 +16,16 @@ RUN = "run"
 BOUND = "bound"
 BOUNDS = ("estimate", "lower", "upper")
 REPLICATE = "replicate"
+# Coordinates of a design that runs each point several times: the number of the point, and that of
+# the run at it. They are no reserved names: a study refuses them where it repeats runs.
+POINT = "point"
+REPEAT = "repeat"
+# Of the statistics of such a design: how many runs each point has. The statistics are of the first.
+REPEATS = "repeats"
+# Of a model with noise of its own whose runs get seeds: the role of the variable with them, and its
+# name where it is no input of the model.
+SEED = "seed"
+RANDOM_SEED = "random_seed"
 ROUND = "round"
 BLOCK_NUMBER = "block"
 MATRIX = "matrix"
@@ -214,7 +224,6 @@ REFERENCE = "reference"
 COMPARISON_GROUP = "comparison"
 VARIANT = "variant"
 BUDGET = "budget"
-REPEAT = "repeat"
 # Of a method, an attribute: the comparisons that it takes part in. Along the budgets: the runs that
 # it makes, and its replicates.
 VARIANTS = "variants"

@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, Self, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, Self, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +15,7 @@ import numpy.typing as npt
 from uqpen.core.arrays import Arrays, BoolArray, FloatArray
 from uqpen.core.errors import UnknownNameError
 from uqpen.core.files import FileSnapshot
+from uqpen.core.labels import RANDOM_SEED
 from uqpen.core.limits import Limits
 from uqpen.core.lookup import choices
 from uqpen.core.status import Status
@@ -43,6 +44,7 @@ __all__ = [
     "FloatArray",
     "Input",
     "Model",
+    "Noise",
     "Output",
     "Results",
     "RunOutcome",
@@ -139,6 +141,29 @@ def empty_outputs(outputs: Sequence[Output], runs: int) -> dict[str, FloatArray]
     return {output.name: np.full((runs, *output.shape), np.nan) for output in outputs}
 
 
+@dataclass(frozen=True)
+class Noise:
+    """What a study says of the noise of a model: whether runs at the same inputs differ.
+
+    Parameters
+    ----------
+    is_declared : bool or None
+        None where the study says nothing.
+    seed : str
+        The name of the variable that has the seed of each run: an input of the model, or
+        `RANDOM_SEED` where the generators that Python and NumPy share are set before each run.
+        Empty where runs get no seed.
+    """
+
+    is_declared: bool | None = None
+    seed: str = ""
+
+    @property
+    def is_unseeded(self) -> bool:
+        """True if a run cannot be repeated: each one made again is another one."""
+        return bool(self.is_declared) and not self.seed
+
+
 class Model(ABC):
     """Black-box model: it takes inputs, and returns outputs and a status for every run.
 
@@ -162,6 +187,8 @@ class Model(ABC):
     derived : tuple of DerivedOutput
         What a study derives from its inputs and outputs, after a run. `evaluate` knows nothing
         of them.
+    noise : Noise
+        What a study says of its noise.
     """
 
     name: str
@@ -172,6 +199,13 @@ class Model(ABC):
     is_untrusted: bool = False
     enforced_limits: Limits = Limits()
     derived: tuple[DerivedOutput, ...] = ()
+    noise: Noise = Noise()
+
+    @property
+    def run_inputs(self) -> tuple[str, ...]:
+        """Names of all that decides a run: its inputs, and a seed that is none of them."""
+        names = tuple(variable.name for variable in self.inputs)
+        return (*names, RANDOM_SEED) if self.noise.seed == RANDOM_SEED else names
 
     @property
     def all_outputs(self) -> tuple[Output, ...]:
@@ -321,8 +355,15 @@ class Model(ABC):
         """
         if self.derived == tuple(derived):
             return self
+        return self._with(derived=tuple(derived))
+
+    def with_noise(self, noise: Noise) -> Self:
+        """Return the same model with what a study says of its noise."""
+        return self._with(noise=noise)
+
+    def _with(self, **attributes: Any) -> Self:
         model = object.__new__(type(self))
-        vars(model).update(vars(self), derived=tuple(derived))
+        vars(model).update(vars(self), **attributes)
         return model
 
     def derive(
@@ -355,8 +396,11 @@ class Model(ABC):
         return find_variable(self.outputs, name, "output", self.name)
 
     def missing_inputs(self, given: Collection[str]) -> Iterator[str]:
-        """Yield the inputs that still have to be given; of alternatives, the first."""
-        optional = {*given, *itertools.chain.from_iterable(self.alternatives)}
+        """Yield the inputs that still have to be given; of alternatives, the first.
+
+        A seed is not among them: each run gets one.
+        """
+        optional = {self.noise.seed, *given, *itertools.chain.from_iterable(self.alternatives)}
         for variable in self.inputs:
             if variable.default is None and variable.name not in optional:
                 yield variable.name

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from uqpen.execution.joined_rounds import join_rounds
     from uqpen.execution.runs import (
         common_runs,
+        first_repeats,
         replicate_count,
         run_count,
         status_counts,
@@ -33,6 +34,7 @@ __all__ = [
     "common_runs",
     "evaluate",
     "evaluate_blocks",
+    "first_repeats",
     "join_rounds",
     "replicate_count",
     "run_count",
@@ -111,6 +113,7 @@ _HOMES = {
     "uqpen.execution.joined_rounds": ("join_rounds",),
     "uqpen.execution.runs": (
         "common_runs",
+        "first_repeats",
         "replicate_count",
         "run_count",
         "status_counts",

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import random
 import threading
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from uqpen.core.arrays import Arrays, FloatArray
+from uqpen.core.labels import RANDOM_SEED
 from uqpen.core.limits import Limits
 from uqpen.core.model import Model, Results, RunWarning, empty_outputs, violated_conditions
 from uqpen.core.status import Status
@@ -55,7 +57,11 @@ class Evaluator:
         # A constraint may be on an input that this model of several does not take.
         taken = [variable.name for variable in self.model.inputs if variable.name in inputs]
         call = self.model.evaluate_observed if is_observed else self.model.evaluate
-        results = call({name: inputs[name][admissible] for name in taken})
+        own = {name: inputs[name][admissible] for name in taken}
+        if RANDOM_SEED in inputs and RANDOM_SEED not in taken:
+            results = _seeded_results(call, own, inputs[RANDOM_SEED][admissible])
+        else:
+            results = call(own)
         status[admissible] = results.status
         reasons |= {int(admissible[run]): reason for run, reason in results.reasons.items()}
         for name, values in results.outputs.items():
@@ -140,6 +146,23 @@ class EvaluatorWork:
                 one = {name: values[run : run + 1] for name, values in inputs.items()}
                 results = _replace_run(results, run, self.evaluator(one))
         return results
+
+
+def _seeded_results(
+    call: Callable[[Arrays], Results], inputs: Arrays, seeds: FloatArray
+) -> Results:
+    """Make runs one by one, and set the generators that all code of this process shares before."""
+    kept = random.getstate(), np.random.get_state()  # noqa: NPY002 - the one that a model draws from
+    found = []
+    try:
+        for run, seed in enumerate(seeds.tolist()):
+            random.seed(int(seed))
+            np.random.seed(int(seed))  # noqa: NPY002
+            found.append(call({name: values[run : run + 1] for name, values in inputs.items()}))
+    finally:
+        random.setstate(kept[0])
+        np.random.set_state(kept[1])  # noqa: NPY002
+    return join_results(found)
 
 
 def _replace_run(results: Results, run: int, one: Results) -> Results:

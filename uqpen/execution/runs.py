@@ -17,12 +17,15 @@ from uqpen.core.labels import (
     DERIVED_FROM,
     FAILED_RUN,
     FAILURE_REASON,
+    POINT,
+    REPEAT,
     REPLICATE,
     REPLICATES_MADE,
     ROLE,
     ROUND,
     RUN,
     RUNS_MADE,
+    SEED,
     STATUS,
     STATUS_COUNTS,
     WEIGHT,
@@ -60,6 +63,17 @@ def common_runs(runs: Sequence[xr.Dataset]) -> list[xr.Dataset]:
     numbers = [np.unique(each[ROUND].values) for each in runs]
     common = reduce(np.intersect1d, numbers)
     return [each.isel({RUN: np.isin(each[ROUND].values, common)}) for each in runs]
+
+
+def first_repeats(runs: xr.Dataset) -> xr.Dataset:
+    """Return the first run at each point, as every statistic takes them that knows no repeats.
+
+    The runs of one point are no independent runs: they have their inputs in common. They are all
+    runs of a design that repeats none.
+    """
+    if REPEAT not in runs.coords:
+        return runs
+    return runs.isel({RUN: np.flatnonzero(runs[REPEAT].values == 0)})
 
 
 def bytes_of_a_run(runs: xr.Dataset) -> int:
@@ -153,6 +167,12 @@ def _add_attributes(runs: xr.Dataset, model: Model, display_units: Mapping[str, 
         runs[WEIGHT].attrs = {"units": "1", "long_name": "relative weight of the run"}
     if REPLICATE in runs:
         runs[REPLICATE].attrs = {"units": "1", "long_name": "number of the run's replicate"}
+    if REPEAT in runs.coords:
+        runs[POINT].attrs = {"units": "1", "long_name": "number of the run's point"}
+        runs[REPEAT].attrs = {"units": "1", "long_name": "number of the run at its point"}
+    if (seed := model.noise.seed) in stored:
+        name = {"long_name": "seed of the run's random numbers"}
+        stored[seed].attrs = {"units": "1", **name, ROLE: SEED}
     if FAILED_RUN in runs:
         runs[FAILED_RUN].attrs = {"long_name": "number of a lost run"}
         runs[FAILURE_REASON].attrs = {"long_name": "why the run was lost"}

@@ -56,7 +56,9 @@ class PythonFunction(UserModel):
 
     def evaluate(self, inputs: Arrays) -> Results:
         arguments = {
-            name: scale(self.units[name]).from_si(values) for name, values in inputs.items()
+            # A seed is a whole number, without a unit.
+            name: values if values.dtype.kind == "i" else scale(self.units[name]).from_si(values)
+            for name, values in inputs.items()
         }
         runs = len(next(iter(inputs.values())))
         with restore_streams(), self.in_folder():

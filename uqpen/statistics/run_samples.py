@@ -30,6 +30,7 @@ from uqpen.core.labels import (
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
 from uqpen.designs.saltelli import MATRIX_A, MATRIX_B
+from uqpen.execution import first_repeats
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.input_columns import InputColumns
@@ -94,8 +95,9 @@ def input_sample(runs: xr.Dataset) -> xr.Dataset:
     """Select the runs of a design whose points are a sample of the joint distribution.
 
     These are all runs, except for pick-freeze blocks: there, they are the rows of the matrices A
-    and B as drawn in the first round.
+    and B as drawn in the first round. Of several runs at a point it is the first.
     """
+    runs = first_repeats(runs)
     if Sampling(runs.attrs[SAMPLING]) is not Sampling.PICK_FREEZE:
         return runs
     drawn = np.isin(runs[MATRIX].values, (MATRIX_A, MATRIX_B))

@@ -17,7 +17,7 @@ from uqpen.core.lookup import choices
 from uqpen.core.sampling import Sampling
 from uqpen.designs.feedback import Feedback
 from uqpen.designs.stopping.precision import Precision
-from uqpen.execution import join_rounds
+from uqpen.execution import first_repeats, join_rounds
 from uqpen.statistics import ANALYSES, ANALYSES_OF_DESIGNS
 from uqpen.statistics.analyze import OutputStatistics, analyze
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
@@ -58,7 +58,9 @@ class RunningEstimates:
         """Return the runs of a model in all rounds."""
         if model not in self._joined_by_model:
             runs = join_rounds([each[model] for each in self.rounds if model in each])
-            self._joined_by_model[model] = runs.assign_attrs({SAMPLING: str(self.sampling)})
+            self._joined_by_model[model] = first_repeats(runs).assign_attrs(
+                {SAMPLING: str(self.sampling)}
+            )
         return self._joined_by_model[model]
 
     @cached_property

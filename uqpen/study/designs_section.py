@@ -7,10 +7,21 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 
 from uqpen.core.errors import TableError, toml_text
+from uqpen.core.labels import POINT, REPEAT
+from uqpen.core.lookup import family_name
 from uqpen.designs import DESIGNS
 from uqpen.designs.data import DataDesign, TableDesign
 from uqpen.designs.design import Design, UnloadedDesign
+from uqpen.designs.rare_events import RARE_EVENT_METHODS
+from uqpen.designs.repeated import (
+    REPEATS,
+    RepeatedDesign,
+    Repeats,
+    each_point_once,
+    repeat_problem,
+)
 from uqpen.distributions.joint_distribution import JointDistribution
+from uqpen.execution import FailurePolicy
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.study.study import Variant, family_costs
 from uqpen.study.table_reader import (
@@ -57,6 +68,7 @@ def read_designs(table: TableReader) -> tuple[dict[str, Design], dict[str, Files
         table.add_problem((), f"{len(table.content)} designs", expected)
         return {}, {}
     for name, section in named_tables(table):
+        repeats = section.settings(Repeats) or Repeats()
         design, _, loaded = read_kind(
             section,
             DESIGN,
@@ -66,6 +78,10 @@ def read_designs(table: TableReader) -> tuple[dict[str, Design], dict[str, Files
         )
         if design is not None:
             designs[name], files[name] = design, loaded
+            if repeats.repeats > 1 and (problem := repeat_problem(design)):
+                section.add_problem(REPEATS, *problem)
+            elif repeats.repeats > 1:
+                designs[name] = RepeatedDesign(design, repeats.repeats)
     if table.is_given and not table.content:
         table.add_problem((), "no design", f"a [designs.<name>] of kind {', '.join(DESIGNS)}")
     return designs, files
@@ -93,7 +109,8 @@ def check_tables(
         is unknown, since a design has a mistake.
     """
     given: list[set[str]] = []
-    for name, design in designs.items():
+    for name, repeated in designs.items():
+        design = each_point_once(repeated)
         try:
             if isinstance(design, DataDesign) and design.model is None:
                 continue  # the mistake of its file is noted
@@ -136,10 +153,69 @@ def check_models(
         table.add_problems(design.check_models(models, costs), name)
 
 
+# Why a method for a rare event cannot take runs with noise, by the method's name.
+_WITHOUT_NOISE = {
+    "form": "it follows gradients and roots of the output, and noise has none",
+    "active-learning": "it learns the limit by a surrogate that runs at the same inputs agree with",
+}
+_WITH_NOISE = (
+    "monte-carlo, subset-simulation, or importance-sampling with another start than form: they "
+    "hold for the probability of the output, noise included"
+)
+
+
+def check_noise(
+    root: TableReader,
+    designs: Mapping[str, Design],
+    models: Mapping[str, Variant],
+    failures: FailurePolicy,
+) -> None:
+    """Note what has no meaning for models with noise of their own, and repeats without any."""
+    noisy = [each.model for each in models.values() if each.model.noise.is_declared]
+    table = root.table("designs")
+    for name, design in designs.items():
+        if isinstance(design, RepeatedDesign):
+            _check_repeats(table.table(name), models, is_noisy=bool(noisy))
+        method = family_name(DESIGNS, design)
+        start = getattr(design, "start", "")
+        if noisy and (
+            method in _WITHOUT_NOISE or (method in RARE_EVENT_METHODS and start == "form")
+        ):
+            reason = _WITHOUT_NOISE.get(method, _WITHOUT_NOISE["form"])
+            found = f"a search that a model with noise of its own misleads: {reason}"
+            key = "kind" if method in _WITHOUT_NOISE else "start"
+            table.add_problem((name, key), found, _WITH_NOISE)
+    if failures.retry and any(model.noise.is_unseeded for model in noisy):
+        found = f"{failures.retry} further attempts at runs of a model with noise and no seed"
+        expected = (
+            "no retries: to try until a run completes draws from another distribution than the "
+            "model's. With seed in [model], each attempt is the same run"
+        )
+        root.add_problem(("failures", "retry"), found, expected)
+
+
+def _check_repeats(table: TableReader, models: Mapping[str, Variant], *, is_noisy: bool) -> None:
+    """Note repeats of models that give the same result again, and names that they need."""
+    if not is_noisy:
+        expected = "noise = true in [model]: a model without noise gives the same result again"
+        table.add_problem(REPEATS, "several runs at each point", expected)
+    variables = [
+        each.name
+        for variant in models.values()
+        for of_model in (variant.model.inputs, variant.model.all_outputs)
+        for variable in of_model
+        for each in (variable, *getattr(variable, "dims", ()))
+    ]
+    for label in (POINT, REPEAT):
+        if label in variables:
+            found = f'a variable or a dimension named "{label}"'
+            table.add_problem(REPEATS, found, f"another name of it: {label} is one of the runs")
+
+
 def check_designs(table: TableReader, designs: dict[str, Design], joint: JointDistribution) -> None:
     """Note other designs that do not fit the inputs."""
     for name, design in designs.items():
-        if isinstance(design, TableDesign | DataDesign):
+        if isinstance(each_point_once(design), TableDesign | DataDesign):
             continue
         if not joint.random:
             expected = 'a random input, such as "(2.5 ± 0.1) m" or { uniform = { … } }'

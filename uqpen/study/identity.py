@@ -21,6 +21,7 @@ from uqpen.core.labels import CONFIDENCE_LEVEL, DEPENDENCIES, RECIPE
 from uqpen.core.lookup import class_version
 from uqpen.core.model import Model
 from uqpen.designs.design import RUNS, STATISTICS
+from uqpen.designs.repeated import each_point_once
 from uqpen.distributions.univariate import Truncated
 from uqpen.models.python_function import PythonFunction
 from uqpen.models.surroundings import ModelFolder
@@ -124,7 +125,7 @@ def model_identity(study: ValidatedStudy, name: str) -> ModelIdentity:
     content, model = tomllib.loads(study.text), study.models[name].model
     table, constraints = model_tables(content, name)
     tables = {key: content[key] for key in ("constraints",) if key in content}
-    tables |= {"models": {name: content["models"][name]}} if name else {"model": content["model"]}
+    tables |= _model_table(content, name)
     surroundings, unknown = None, ""
     if isinstance(model, PythonFunction | UserDefinedModel):
         surroundings = model.surroundings
@@ -193,9 +194,19 @@ def model_tables(content: Mapping[str, Any], name: str) -> tuple[dict[str, str],
     The inputs that the model sets itself are left out.
     """
     table = content.get("models", {}).get(name, {}) if name else content.get("model", {})
-    kept = {key: value for key, value in table.items() if key != "with"}
+    kept = {key: value for key, value in table.items() if key not in ("with", "noise")}
     constraints = {"constraints": content.get("constraints", {})}
     return dict(_flatten_tables({"model": kept})), dict(_flatten_tables(constraints))
+
+
+def _model_table(content: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """Return the table of a model in its place, without what is said of its noise.
+
+    To declare noise changes no run; a seed does.
+    """
+    table = content["models"][name] if name else content["model"]
+    kept = {key: value for key, value in table.items() if key != "noise"}
+    return {"models": {name: kept}} if name else {"model": kept}
 
 
 def depends_on_batch(model: Model) -> bool:
@@ -221,10 +232,7 @@ def run_fingerprint(study: ValidatedStudy, model: str, design: str) -> dict[str,
     if isinstance(refined := study.designs[design], RefinedDesign):
         tables["surrogates"] = {refined.name: content["surrogates"][refined.name]}
         tables["outputs"] = content.get("outputs", {})
-    if model:
-        tables["models"] = {model: content["models"][model]}
-    else:
-        tables["model"] = content["model"]
+    tables |= _model_table(content, model)
     adapter = study.models[model].model
     others = [*study.joint.files, *study.design_files(design)]
     versions = {
@@ -262,7 +270,7 @@ def is_user_defined(model: Model) -> bool:
 
 def _point_classes(study: ValidatedStudy, design: str) -> Iterator[tuple[str, type]]:
     """Yield the classes that determine the points of a design, with a text for each."""
-    yield f"design {design}", type(study.designs[design])
+    yield f"design {design}", type(each_point_once(study.designs[design]))
     if study.joint.dependence is not None:
         yield "dependence", type(study.joint.dependence)
     for entry in study.joint.random:

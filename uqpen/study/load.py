@@ -23,7 +23,9 @@ from uqpen.core.units import ANY_DIMENSION, describe
 from uqpen.designs.design import Design
 from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.one_at_a_time import OneAtATime
+from uqpen.designs.repeated import each_point_once
 from uqpen.distributions.joint_distribution import JointDistribution
+from uqpen.execution import FailurePolicy
 from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.published import Publication, Reading
 from uqpen.study import SECTIONS
@@ -39,6 +41,7 @@ from uqpen.study.data_section import DEFAULT_DESIGNS, bind_designs, check_fixed,
 from uqpen.study.designs_section import (
     check_designs,
     check_models,
+    check_noise,
     check_outputs,
     check_tables,
     read_designs,
@@ -195,6 +198,7 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
     if are_models_whole:
         check_outputs(tables["designs"], designs, quantities)
         check_models(tables["designs"], designs, models)
+        check_noise(root, designs, models, fields.get("failures") or FailurePolicy())
     refined = refined_designs(
         tables["surrogates"], surrogates, designs, models, quantities, tuple(constraints)
     )
@@ -366,7 +370,7 @@ def reading_study(
     the first `one-at-a-time` design.
     """
     content = _changed_content(tomllib.loads(study.text), reading)
-    designs = study.designs
+    designs = {name: each_point_once(each) for name, each in study.designs.items()}
     first = {
         kind: next((name for name, each in designs.items() if isinstance(each, kind)), None)
         for kind in (MonteCarlo, OneAtATime)
@@ -384,7 +388,8 @@ def pilot_study(study: ValidatedStudy, runs: int) -> ValidatedStudy:
 
     Its runs are the first of those of the study's first `monte-carlo` design, if it has one.
     """
-    independent = (name for name, each in study.designs.items() if isinstance(each, MonteCarlo))
+    designs = {name: each_point_once(each) for name, each in study.designs.items()}
+    independent = (name for name, each in designs.items() if isinstance(each, MonteCarlo))
     name = next(independent, "pilot")
     content: dict[str, Any] = tomllib.loads(study.text)
     content.pop("surrogates", None)

@@ -18,12 +18,22 @@ import numpy as np
 
 from uqpen.core.arrays import Arrays, FloatArray, is_finite_number
 from uqpen.core.errors import ModelError, QuantityError, toml_text
-from uqpen.core.labels import NAME, RESERVED
+from uqpen.core.labels import NAME, RANDOM_SEED, RESERVED
 from uqpen.core.limits import Limits
 from uqpen.core.lookup import choices, resolve
-from uqpen.core.model import Bounds, Category, Dimension, Input, Model, Output, Results, Variable
+from uqpen.core.model import (
+    Bounds,
+    Category,
+    Dimension,
+    Input,
+    Model,
+    Noise,
+    Output,
+    Results,
+    Variable,
+)
 from uqpen.core.settings import declared_settings, flag, text
-from uqpen.core.units import ANY_DIMENSION, are_convertible, si_unit
+from uqpen.core.units import ANY_DIMENSION, DIMENSIONLESS, are_convertible, si_unit
 from uqpen.execution.memory_limit import CAN_LIMIT
 from uqpen.models import MODELS
 from uqpen.models.dependencies import Dependencies
@@ -119,6 +129,9 @@ USER_DEFINED_MODELS = {
     "data": "uqpen.study.data_section:read_data",
 }
 
+# What a study says of the noise of a model, and the word for the generators that all code shares.
+_NOISE, _SEED, _GLOBAL = "noise", "seed", "global"
+
 _MODEL_KEYS = {
     "use": 'use = "…" (a built-in model)',
     "python": 'python = "my_model.py:function"',
@@ -139,6 +152,9 @@ def read_model(table: TableReader) -> Model | None:
         table.add_problem((), found, f"one of {', '.join(_MODEL_KEYS.values())}")
         return None
     model: Model | None
+    noise = (
+        None if table.content.get("use") in list(MODELS) or ways == ["data"] else _NoiseTable(table)
+    )
     if ways == ["use"] and table.content["use"] not in list(MODELS):
         model = read_model_class(table)
         if model is None:
@@ -148,7 +164,59 @@ def read_model(table: TableReader) -> Model | None:
     else:
         model = resolve(USER_DEFINED_MODELS[ways[0]])(table)
     table.check_unknown_keys()
-    return model
+    return model if noise is None or model is None else noise.declared(model)
+
+
+class _NoiseTable:
+    """The keys ``noise`` and ``seed`` of a model that is not built in; mistakes are noted."""
+
+    def __init__(self, table: TableReader) -> None:
+        self._table = table
+        self._noise = table.take(_NOISE)
+        if self._noise is not None and not isinstance(self._noise, bool):
+            expected = "true for a model that gives another result each time, or false"
+            table.add_wrong(_NOISE, self._noise, expected)
+        # A class of the user's may have a setting of its own with this name.
+        self._seed = table.content.get(_SEED)
+        if "use" not in table or isinstance(self._seed, str):
+            table.take(_SEED)
+
+    def declared(self, model: Model) -> Model:
+        """Return a model with what is declared of its noise."""
+        if self._seed is None or ("use" in self._table and not isinstance(self._seed, str)):
+            return model if self._noise is None else model.with_noise(Noise(bool(self._noise)))
+        if self._noise is False:
+            self._table.add_problem(_SEED, "a seed beside noise = false", "noise = true")
+        return model.with_noise(Noise(True, self._variable(model)))
+
+    def _variable(self, model: Model) -> str:
+        """Return the name of the variable with the seeds; note one that can have none."""
+        inputs = {each.name: each for each in model.inputs}
+        is_called = isinstance(model, PythonFunction | UserDefinedModel) and not model.vectorized
+        if self._seed == _GLOBAL and RANDOM_SEED in inputs:
+            expected = f'seed = "{RANDOM_SEED}", the input with this name'
+            self._table.add_wrong(_SEED, self._seed, expected)
+        elif self._seed == _GLOBAL and not (is_called or isinstance(model, UnloadedModel)):
+            expected = (
+                "an input of the model that takes the seed: only a Python function that makes one "
+                "run a call draws from generators that can be set before each run"
+            )
+            self._table.add_wrong(_SEED, self._seed, expected)
+        elif self._seed != _GLOBAL and self._seed not in inputs:
+            expected = (
+                f'an input of the model that takes the seed, or "{_GLOBAL}"; '
+                f"{self._table.suggest(str(self._seed), list(inputs))}"
+            )
+            self._table.add_wrong(_SEED, self._seed, expected)
+        elif self._seed != _GLOBAL and inputs[self._seed].unit not in (
+            DIMENSIONLESS,
+            ANY_DIMENSION,
+        ):
+            found = f"an input in {inputs[self._seed].preferred_unit}"
+            self._table.add_problem(_SEED, found, "an input without a unit, as a seed is a number")
+        elif self._seed in inputs and len(inputs) == 1:
+            self._table.add_problem(_SEED, "the only input", "another input beside it")
+        return RANDOM_SEED if self._seed == _GLOBAL else str(self._seed)
 
 
 def read_partial_model(table: TableReader, mentioned: PartialModel) -> PartialModel:
@@ -483,8 +551,12 @@ def read_models(root: TableReader) -> tuple[dict[str, Variant], Model]:
 
 
 def check_variants(root: TableReader, variants: dict[str, Variant], random: set[str]) -> None:
-    """Note inputs that a model sets for itself though the study draws them."""
+    """Note inputs that a model sets for itself though the study draws them, and seeds it gives."""
     for name, variant in variants.items():
+        place = ("models", name) if name else ("model",)
+        if (seed := variant.model.noise.seed) in root.table("inputs") or seed in variant.given:
+            found = f"{seed}, which the study gives a value or a distribution"
+            root.add_problem((*place, _SEED), found, "an input that each run gets a seed by alone")
         for given in filter(random.__contains__, variant.given):
             found = "an input that the study draws at random"
             expected = "an input that has one value in [inputs], or a default"

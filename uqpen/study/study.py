@@ -15,6 +15,7 @@ from uqpen.designs.design import Design, UnloadedDesign
 from uqpen.distributions.constraints import Constraint
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.execution import FailurePolicy
+from uqpen.execution.seeds import RunSeeds
 from uqpen.models.unloaded_model import UnloadedModel
 from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.joint_event import JointEvent
@@ -188,6 +189,10 @@ class ValidatedStudy:
     def design_runs(self, name: str) -> int:
         """Return the number of runs of a design by all models, or the largest possible number."""
         return self.designs[name].total_runs(self.joint, self.run_costs)
+
+    def run_seeds(self, name: str) -> RunSeeds:
+        """Return the seeds of the runs of a model in a design, from its first run on."""
+        return RunSeeds(self.seed, name, self.models[name].model)
 
     @property
     def stand_ins(self) -> dict[str, StandIn]:

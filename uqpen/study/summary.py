@@ -11,6 +11,7 @@ from uqpen.core.lookup import family_name, resolve
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.designs import DESIGNS
 from uqpen.designs.design import RUNS
+from uqpen.designs.repeated import RepeatedDesign, each_point_once
 from uqpen.distributions.joint_distribution import FixedInput
 from uqpen.models.data.data_model import DataModel
 from uqpen.statistics.quantity_of_interest import Acceptable, QuantityOfInterest
@@ -67,10 +68,13 @@ def design_rows(study: ValidatedStudy) -> Rows:
     """Return the name of each design with its kind and its number of runs."""
     rows: Rows = []
     for name, design in study.designs.items():
-        first = design.initial if isinstance(design, RefinedDesign) else design
+        once = each_point_once(design)
+        first = once.initial if isinstance(once, RefinedDesign) else once
         kind = family_name(DESIGNS, first) or type(first).__name__
         if isinstance(design, RefinedDesign):
             kind = f"{kind}, refined by {design.name}"
+        if isinstance(design, RepeatedDesign):
+            kind = f"{kind}, {design.repeats} runs at each point"
         runs = f"{_at_most(design.ends_early)}{design.run_count(study.joint)}"
         rows.append((name, kind, runs))
     return rows

@@ -12,6 +12,7 @@ from uqpen.core.sampling import Sampling
 from uqpen.designs import DESIGNS
 from uqpen.designs.design import RUNS, Design, UnloadedDesign
 from uqpen.designs.monte_carlo import MonteCarlo
+from uqpen.designs.repeated import RepeatedDesign, each_point_once
 from uqpen.distributions.constraints import Constraint
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
@@ -226,7 +227,8 @@ def _problem(design: Design, variants: Mapping[str, Variant]) -> tuple[str, str]
     if isinstance(design, RefinedDesign):
         return f"a design that {design.name} refines already", "one refinement of a design"
     if not isinstance(design, MonteCarlo) or design.runs is None:
-        kind = family_name(DESIGNS, design) or type(design).__name__
+        kind = family_name(DESIGNS, each_point_once(design)) or type(design).__name__
+        kind += " with repeats" * isinstance(design, RepeatedDesign)
         what = " that decides its own number of runs" if design.ends_early else ""
         return f"a design of kind {kind}{what}", _INDEPENDENT
     names = {each.name for variant in variants.values() for each in variant.model.inputs}

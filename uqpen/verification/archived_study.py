@@ -383,13 +383,17 @@ def _missing_variable(variant: Variant, study: ValidatedStudy, made: xr.Dataset)
             if not np.array_equal(made[dimension.name].values, dimension.values):
                 return dimension.name
     needed = {entry.variable.name for entry in study.joint.inputs} | set(variant.given)
+    needed |= {variant.model.noise.seed} - {""}
     for name in sorted(needed.union(run_inputs(study, made))):
         found = made.variables.get(name)
-        if found is None or found.dims not in ((), (RUN,)) or found.dtype.kind != "f":
+        kind = "i" if name == variant.model.noise.seed else "f"
+        if found is None or found.dims not in ((), (RUN,)) or found.dtype.kind != kind:
             return name
     return next(variant.model.missing_inputs(run_inputs(study, made)), "")
 
 
 def run_inputs(study: ValidatedStudy, made: xr.Dataset) -> list[str]:
-    """Return the inputs of runs: of the joint distribution, and given by a table or a model."""
-    return [variable.name for variable in study.joint.variables if variable.name in made]
+    """Return the inputs of runs: of the joint distribution, given by a table or a model, seeds."""
+    names = [variable.name for variable in study.joint.variables if variable.name in made]
+    seeds = {each.model.noise.seed for each in study.models.values()}.intersection(made.data_vars)
+    return [*dict.fromkeys([*names, *map(str, sorted(seeds))])]

@@ -11,7 +11,7 @@ from uqpen.archive.files import FILES, files_group
 from uqpen.core.errors import TooManyFailedError
 from uqpen.core.labels import MODELS
 from uqpen.core.streams import Stream
-from uqpen.execution import Map, Progress
+from uqpen.execution import Map, Progress, first_repeats
 from uqpen.execution.checkpoint import Checkpoint
 from uqpen.execution.first_runs import FirstRuns
 from uqpen.models.source import BuiltInModel
@@ -105,9 +105,15 @@ def analyse_runs(
     """
     groups = {"/": xr.Dataset(attrs={**root_attributes(study), **level_attribute(study)})}
     steps = AnalysisSteps(study, progress or Progress())
+    # The one place at which repeats are left out.
+    whole = runs
+    runs = {
+        model: {design: first_repeats(each) for design, each in of_model.items()}
+        for model, of_model in runs.items()
+    }
     for name in study.models:
         root = f"/{MODELS}/{name}" if study.has_several_models else ""
-        for path, dataset in model_groups(study, name, runs, steps):
+        for path, dataset in model_groups(study, name, whole, runs, steps):
             groups[f"{root}{path}"] = dataset
     groups |= dict(difference_groups(study, runs, steps))
     groups |= dict(model_form_groups(study, runs))

@@ -71,12 +71,14 @@ def run_design(
     if (results := design.results) is not None:  # no worker makes them, no checkpoint keeps them
         maker, round_checkpoint, first_runs = recorded_map(results), _no_checkpoint, None
 
+    seeds = {name: study.run_seeds(name) for name in study.models}
+
     def model_runs(name: str, points: Points, number: int) -> xr.Dataset:
         variant = study.models[name]
         try:
             return evaluate(
                 Evaluator(variant.model, study.constraints),
-                points.assign(variant.given),
+                seeds[name].assigned(points.assign(variant.given)),
                 units,
                 EvaluationOptions(
                     map=maker,
@@ -142,7 +144,8 @@ def trial_run(study: ValidatedStudy, name: str) -> TrialRun:
     model = variant.model
     model.prepare()
     nominal = {**study.joint.nominal(), **variant.given}
-    columns = {name: np.array([value]) for name, value in nominal.items()}
+    at = {key: np.array([value]) for key, value in nominal.items()}
+    columns = study.run_seeds(name).columns(at)
     began = time.monotonic()
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
@@ -152,7 +155,7 @@ def trial_run(study: ValidatedStudy, name: str) -> TrialRun:
     return TrialRun(
         columns,
         results,
-        model.run_folder(nominal),
+        model.run_folder({key: values.item() for key, values in columns.items()}),
         tuple(dict.fromkeys(warning.of_one_run for warning in of_run)),
         seconds,
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+import numpy as np
 import xarray as xr
 
 from uqpen.archive.estimates import pack
@@ -18,6 +19,7 @@ from uqpen.core.labels import (
     LARGEST_CONTRIBUTION,
     MAGNITUDES,
     MODEL_FORM,
+    REPEATS,
     RUN,
     RUNS,
     RUNS_SPENT,
@@ -31,6 +33,7 @@ from uqpen.core.lookup import resolve
 from uqpen.core.processors import one_blas_thread
 from uqpen.core.sampling import Sampling
 from uqpen.designs.design import RUNS as KEPT_RUNS
+from uqpen.designs.repeated import RepeatedDesign
 from uqpen.execution import Progress
 from uqpen.execution.omitted_runs import omit_runs
 from uqpen.results.failed_runs import record_causes
@@ -44,7 +47,7 @@ from uqpen.statistics.model_form import model_differences, model_form_shares
 from uqpen.statistics.published import Publication, published_estimates
 from uqpen.statistics.stopped_runs import decision_attributes, mark_uncertified
 from uqpen.study.identity import model_attributes
-from uqpen.study.study import ValidatedStudy, Variant
+from uqpen.study.study import ValidatedStudy
 from uqpen.workflow.design_runs import Runs
 
 Groups = Iterator[tuple[str, xr.Dataset]]
@@ -71,18 +74,25 @@ class AnalysisSteps:
 
 
 def model_groups(
-    study: ValidatedStudy, model: str, runs: Mapping[str, Runs], steps: AnalysisSteps
+    study: ValidatedStudy,
+    model: str,
+    whole: Mapping[str, Runs],
+    runs: Mapping[str, Runs],
+    steps: AnalysisSteps,
 ) -> Groups:
     """Yield the groups of one model: runs, failures, surrogates, statistics, its trajectory.
 
-    The first has statistics from the runs of its stand-ins, too; so `runs` are those of all models.
+    The first has statistics from the runs of its stand-ins, too; so the runs are those of all
+    models. `whole` are all of them; `runs` are the first at each point, which statistics see that
+    know no repeats.
     """
     variant, own = study.models[model], runs[model]
     sources: dict[str, _Source] = {}
-    for design, design_runs in own.items():
+    for design, every in whole[model].items():
         steps.start(f"statistics of {design}", model)
-        sources[design] = _design_source(study, model, design, runs)
-        yield from _design_groups(study, design, design_runs)
+        attributes, outputs = _design_source(study, model, design, runs)
+        sources[design] = {**attributes, **_spent(study, design, every)}, outputs
+        yield from _design_groups(study, design, every, own[design])
     for name in study.surrogates:
         from uqpen.workflow.surrogate_source import surrogate_source
 
@@ -110,7 +120,7 @@ def model_groups(
             publication, f"/{STATISTICS_GROUP}/{name}", own, study.confidence_level
         )
     steps.start("trajectory at the nominal inputs", model)
-    trajectory = _trajectory(study, variant)
+    trajectory = _trajectory(study, model)
     if trajectory is not None:
         yield f"/{TRAJECTORY}", trajectory
     if study.has_several_models:
@@ -154,13 +164,25 @@ def _design_source(
     return attributes, mark_uncertified(found, own.attrs)
 
 
-def _design_groups(study: ValidatedStudy, design: str, runs: xr.Dataset) -> Groups:
-    """Yield the runs of a design, all or none, and the groups of their statistics as a whole."""
+def _design_groups(
+    study: ValidatedStudy, design: str, whole: xr.Dataset, runs: xr.Dataset
+) -> Groups:
+    """Yield the runs of a design, all or none, and the groups of their statistics as a whole.
+
+    Statistics are of `runs`, the first at each point.
+    """
     is_kept = study.designs[design].keep == KEPT_RUNS
-    yield f"/{RUNS}/{design}", runs if is_kept else record_causes(omit_runs(runs), runs)
+    yield f"/{RUNS}/{design}", whole if is_kept else record_causes(omit_runs(whole), whole)
     for name, group in DESIGN_GROUPS.items():
         if statistics := resolve(group.writer)(study, runs):
             yield f"/{name}/{design}", pack(statistics)
+
+
+def _spent(study: ValidatedStudy, design: str, whole: xr.Dataset) -> dict[str, str | int | float]:
+    """Return the number of all runs of a design, and of those at each point if it has several."""
+    made = study.designs[design]
+    repeats = {REPEATS: made.repeats} if isinstance(made, RepeatedDesign) else {}
+    return {RUNS_SPENT: whole.sizes[RUN], **repeats}
 
 
 def failure_statistics(study: ValidatedStudy, runs: xr.Dataset) -> OutputStatistics:
@@ -226,11 +248,14 @@ def model_form_groups(study: ValidatedStudy, runs: Mapping[str, Runs]) -> Groups
                 yield f"/{MODEL_FORM}/{design}/{output}", pack(marked)
 
 
-def _trajectory(study: ValidatedStudy, variant: Variant) -> xr.Dataset | None:
+def _trajectory(study: ValidatedStudy, model: str) -> xr.Dataset | None:
     """Return the model's trajectory at the nominal inputs, if it has one and all are given."""
+    variant = study.models[model]
     known = {variable.name for variable in variant.model.inputs}
     given = {**study.joint.nominal(), **variant.given}
-    nominal = {name: value for name, value in given.items() if name in known}
+    points = {key: np.array([value]) for key, value in given.items()}
+    columns = study.run_seeds(model).columns(points)
+    nominal = {name: values.item() for name, values in columns.items() if name in known}
     if next(variant.model.missing_inputs(nominal), None) is not None:
         return None
     try:

@@ -134,6 +134,7 @@ def run_differences(
 
 def hashes_again(
     study: ValidatedStudy,
+    name: str,
     variant: Variant,
     design: str,
     size: int,
@@ -141,8 +142,12 @@ def hashes_again(
     map: Map,
     progress: Progress,
 ) -> Iterator[tuple[int, str]]:
-    """Make batches of a design's runs again, and yield the number and the hash of each."""
-    points = first_round(study.designs[design], study.joint, Stream(study.seed, "designs", design))
+    """Make batches of a design's runs again, and yield the number and the hash of each.
+
+    The variant is that of the model with this name, perhaps with another folder for its runs.
+    """
+    drawn = first_round(study.designs[design], study.joint, Stream(study.seed, "designs", design))
+    points = study.run_seeds(name).assigned(drawn.assign(variant.given))
     blocked = LoadedDataset(points) if isinstance(points, xr.Dataset) else points
     progress.start_design(design, len(batches) * BATCH_SIZE)
     policy = FailurePolicy(study.failures.retry)
@@ -150,7 +155,7 @@ def hashes_again(
     for first, last in _consecutive_batches(batches):
         part = blocked.read(first * BATCH_SIZE, min((last + 1) * BATCH_SIZE, size))
         evaluator = Evaluator(variant.model, study.constraints)
-        again = evaluate(evaluator, part.assign(variant.given), study.display_units(), options)
+        again = evaluate(evaluator, part, study.display_units(), options)
         yield from enumerate(batch_hashes(again), first)
 
 

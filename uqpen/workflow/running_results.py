@@ -28,7 +28,7 @@ from uqpen.core.labels import (
 )
 from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.core.progress import ProgressRecord
-from uqpen.execution import join_rounds
+from uqpen.execution import first_repeats, join_rounds
 from uqpen.models.user_code import error_text
 from uqpen.statistics.analyze import analyze
 from uqpen.statistics.convergence import first_runs, sample_so_far
@@ -194,7 +194,7 @@ class RunningResults(ProgressRecord):
         attributes = {SOURCE_KIND: "design", RUNS_SPENT: runs.sizes[RUN]}
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # the analysis of all runs has them again
-            found = analyze(runs, quantities, only=_SHOWN)
+            found = analyze(first_repeats(runs), quantities, only=_SHOWN)
             level = self._study.confidence_level
             failures = {"probability": status_probabilities(input_sample(runs), level)}
         return {

@@ -343,7 +343,7 @@ class Command(Model):
 
     def run_folder(self, inputs: Mapping[str, float]) -> Path | None:
         taken = {each.name: np.array(inputs[each.name]) for each in self.inputs}
-        arguments = {name: float(value) for name, value in self._own_units(taken).items()}
+        arguments = {name: value.item() for name, value in self._own_units(taken).items()}
         folder = self.folder_policy.folder / folder_name(arguments)
         return folder if folder.is_dir() else None
 
@@ -355,8 +355,11 @@ class Command(Model):
         return replace(self, folder_policy=replace(self.folder_policy, folder=folder))
 
     def _own_units(self, inputs: Arrays) -> dict[str, Any]:
-        """Convert SI values to the units that the program takes."""
-        return {name: scale(self.units[name]).from_si(values) for name, values in inputs.items()}
+        """Convert SI values to the units that the program takes; a seed is a whole number."""
+        return {
+            name: values if values.dtype.kind == "i" else scale(self.units[name]).from_si(values)
+            for name, values in inputs.items()
+        }
 
     def _run(self, program: Program, inputs: Mapping[str, float]) -> RunOutcome:
         """Make one run, or read its folder again; any failure becomes its status."""
