@@ -56,13 +56,21 @@ def inadmissible(condition):
     return np.where(condition, Status.INADMISSIBLE, Status.OK)
 
 
-DESIGNS = [Saltelli(64, 4), Saltelli(64, 4, second_order=True)]
+DESIGNS = [
+    Saltelli(64, 4),
+    Saltelli(64, 4, second_order=True),
+    Saltelli(64, 4, second_order=True, noise=True),
+]
 
 
 @pytest.mark.parametrize("design", DESIGNS, ids=str)
 def test_the_first_round_is_the_size_that_is_given(design):
     runs = made(design)
-    assert runs.sizes["run"] == design.run_count(LAW) == 64 * (8 if design.second_order else 5)
+    assert (
+        runs.sizes["run"]
+        == design.run_count(LAW)
+        == 64 * ((8 if design.second_order else 5) + design.noise)
+    )
     assert "round" not in runs.coords
     assert float(runs["mass"]) == 5.0
 
@@ -81,6 +89,8 @@ def test_mixed_rows_are_a_matrix_with_one_column_of_the_other(design):
         np.testing.assert_array_equal(rows[2 + i], np.where(column, B, A))
         if design.second_order:
             np.testing.assert_array_equal(rows[5 + i], np.where(column, A, B))
+    if design.noise:
+        np.testing.assert_array_equal(rows[8], A)
 
 
 @pytest.mark.parametrize("matrix", [0, 1])
@@ -109,7 +119,7 @@ def test_what_the_matrices_mean_stands_beside_them():
 
 
 def test_a_flag_stands_for_one_matrix_only():
-    layout = BlockLayout(tuple(f"x{i}" for i in range(20)), second_order=True)
+    layout = BlockLayout(tuple(f"x{i}" for i in range(20)), second_order=True, noise=True)
     flags = layout.flag_attributes()
     assert len(set(flags["flag_values"].tolist())) == len(flags["flag_meanings"].split())
     assert set(layout.parts) <= set(flags["flag_values"].tolist())

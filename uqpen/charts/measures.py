@@ -119,6 +119,7 @@ def index_charts(view: ArchiveView, output: str, tables: Tables = _NO_TABLES) ->
     shown = [("its variance", "shares")]
     if view.is_logarithmic(output):
         shown.insert(0, ("its logarithm's variance", "shares of the logarithm"))
+    shown.append(("the variance of its mean given the inputs", "shares of the mean"))
     for of, table in shown:
         measures = shares.ordered(MEASURES[table])
         every = _all_series(view, output, measures)

@@ -32,11 +32,13 @@ from uqpen.core.labels import (
     LOWER_CONTENT,
     LOWER_THRESHOLD,
     MOMENTS,
+    NOISE,
     NOTE,
     OF_CATEGORY,
     OF_EXCEEDANCE,
     OF_FIELD,
     OF_LOGARITHM,
+    OF_MEAN,
     OUTPUT_SHARE,
     PAIR,
     PERCENT,
@@ -77,6 +79,7 @@ _FIELDS = "uqpen.statistics.fields"
 _PLACES = f"{_FIELDS}.field_sample"
 _RARE = "uqpen.statistics.rare_events.subset_probability"
 _TAILS = "uqpen.statistics.tails"
+_NOISE = "uqpen.statistics.noise"
 _SENSITIVITY = "uqpen.statistics.sensitivity"
 _RUNS_CORRECT = "uqpen.statistics.surrogate.corrected_statistics:OutputCorrection"
 _STAND_INS = "uqpen.statistics.control_variates:ControlVariates"
@@ -135,6 +138,27 @@ _OF_VALUES = [
         },
     ),
     Statistic("skewness", "skewness", shown=Shown("skewness", 34)),
+    # Of a model with noise of its own. They follow from several runs at each point, which are also
+    # those of the mean, the standard deviation and the first-order indices then.
+    Statistic(
+        "noise_share",
+        "share of the noise in the variance",
+        shown=Shown("noise share", 35),
+        group=NOISE,
+        by={"repeats": f"{_NOISE}:noise_statistics"},
+    ),
+    Statistic(
+        "noise_std",
+        "standard deviation of the noise",
+        unit=UnitRule.DIFFERENCE,
+        shown=Shown("sd of the noise", 36),
+    ),
+    Statistic(
+        "mean_given_inputs_std",
+        "standard deviation of the mean given the inputs",
+        unit=UnitRule.DIFFERENCE,
+        shown=Shown("sd of the mean given the inputs", 37),
+    ),
     Statistic("kurtosis", "kurtosis", is_diagnosis=True),
     Statistic("effective_runs", "effective number of runs", is_diagnosis=True),
     Statistic(
@@ -459,6 +483,7 @@ _INDICES = [
         {
             "sample": f"{_SENSITIVITY}.given_data:first_order",
             "field": f"{_SENSITIVITY}.given_data:first_order_at_places",
+            "repeats": f"{_NOISE}:first_order_with_noise",
             Sampling.PICK_FREEZE: f"{_SENSITIVITY}.sobol_indices:sobol_indices",
             of_field(Sampling.PICK_FREEZE): f"{_SENSITIVITY}.sobol_indices:sobol_indices_at_places",
         },
@@ -510,6 +535,8 @@ _STATISTICS = [
     # Of a whole field: along its places, each input has one. Nobody estimates its Shapley effects.
     *islice(_indices_of(OF_FIELD, "generalized {title}", "shares of the field"), 2),
     *_indices_of(OF_LOGARITHM, "{title} of the logarithm", "shares of the logarithm"),
+    # Nobody estimates the Shapley effects of the mean given the inputs.
+    *islice(_indices_of(OF_MEAN, "{title} of the mean given the inputs", "shares of the mean"), 2),
     *_indices_of(
         OF_EXCEEDANCE,
         "{title} of exceeding a value",

@@ -131,15 +131,18 @@ EXCEEDANCE = "exceedance"
 TAILS = "tails"
 SHARES = "shares"
 SENSITIVITY = "sensitivity"
+NOISE = "noise"
 CONVERGENCE = "convergence"
 SURROGATES = "surrogates"
 
 # Beginnings of the names of statistics that follow from others: of the logarithm of an output, of
-# whether it exceeds a value or is in a category, of a whole field, and by the runs so far.
+# whether it exceeds a value or is in a category, of a whole field, of its mean given the inputs,
+# and by the runs so far.
 OF_LOGARITHM = "log_"
 OF_EXCEEDANCE = "exceedance_"
 OF_CATEGORY = "category_"
 OF_FIELD = "generalized_"
+OF_MEAN = "mean_"
 BY_RUNS = "convergence_"
 
 TRAJECTORY = "trajectory"

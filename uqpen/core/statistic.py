@@ -171,7 +171,8 @@ class Statistic:
         Group of statistics that a study may leave out together.
     by : mapping of str to str
         References to the functions that estimate it, by what they take: ``"sample"``, ``"field"``,
-        or ``"part"`` of a sample, by which it is followed as runs are added. Those of designs that
+        ``"part"`` of a sample, by which it is followed as runs are added, or ``"repeats"``, several
+        runs at each point. Those of designs that
         are made for one purpose stand under their `Sampling`, of fields under `of_field` of that.
         One that estimates several statistics stands at the first of them. Under ``"corrected"`` is
         how real runs correct it where a surrogate estimates it, besides indices; under

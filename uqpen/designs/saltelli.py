@@ -41,6 +41,8 @@ MATRIX_A, MATRIX_B = 0, 1
 
 # Prefixes of the flag meanings of mixed matrices, before the name of the input.
 _AB_PREFIX, _BA_PREFIX = "AB_", "BA_"
+# Flag meaning of a further run at the points of A, of a model with noise of its own.
+_REPEATED_A = "A_again"
 
 
 @dataclass(frozen=True)
@@ -61,13 +63,15 @@ class BlockLayout:
 
     inputs: tuple[str, ...]  # the random inputs, in the order of the columns
     second_order: bool  # whether there are BA_i, for indices of pairs of inputs
+    noise: bool = False  # whether the point of A has two runs
 
     @classmethod
     def from_runs(cls, runs: xr.Dataset) -> BlockLayout:
         """Read the layout of a design from its runs."""
         meanings = str(runs[MATRIX].attrs["flag_meanings"]).split()
         inputs = [text.removeprefix(_AB_PREFIX) for text in meanings if text.startswith(_AB_PREFIX)]
-        return cls(tuple(inputs), any(text.startswith(_BA_PREFIX) for text in meanings))
+        second_order = any(text.startswith(_BA_PREFIX) for text in meanings)
+        return cls(tuple(inputs), second_order, _REPEATED_A in meanings)
 
     @property
     def dimension(self) -> int:
@@ -77,7 +81,17 @@ class BlockLayout:
     @property
     def rows_per_block(self) -> int:
         """Number of rows of a block of the first round."""
-        return 2 + (2 if self.second_order else 1) * self.dimension
+        return 2 + (2 if self.second_order else 1) * self.dimension + self.noise
+
+    @property
+    def _first_redrawn(self) -> int:
+        """The least label of a part that is drawn again; those below are of the first round."""
+        return 2 + 2 * self.dimension + self.noise
+
+    @property
+    def repeated_matrix(self) -> int:
+        """Matrix of the second runs at the points of A; the last of the first round."""
+        return self.rows_per_block - 1
 
     @cached_property
     def pairs(self) -> tuple[tuple[int, int], ...]:
@@ -95,23 +109,31 @@ class BlockLayout:
             *(self.part_sharing_one(i) for i in each),
             *(self.part_sharing_others(i) for i in each),
             *(self.part_sharing_pair(number) for number in range(len(self.pairs))),
+            *([self.part_sharing_all()] if self.noise else []),
         ]
         return {part.matrix: part for part in [*drawn, *sharing]}
 
     def part_sharing_one(self, i: int) -> PickFreezePart:
         """Return the part that shares input `i` alone with B."""
-        return PickFreezePart(2 + 2 * self.dimension + i, 2 + i, MATRIX_B, (i,), MATRIX_A)
+        return PickFreezePart(self._first_redrawn + i, 2 + i, MATRIX_B, (i,), MATRIX_A)
 
     def part_sharing_others(self, i: int) -> PickFreezePart:
         """Return the part that shares all inputs but `i` with A."""
         others = tuple(j for j in range(self.dimension) if j != i)
-        return PickFreezePart(2 + 3 * self.dimension + i, 2 + i, MATRIX_A, others, MATRIX_B)
+        label = self._first_redrawn + self.dimension + i
+        return PickFreezePart(label, 2 + i, MATRIX_A, others, MATRIX_B)
 
     def part_sharing_pair(self, number: int) -> PickFreezePart:
         """Return the part that shares a pair of inputs with BA_i, where i is the first of them."""
         i, j = self.pairs[number]
         anchor = 2 + self.dimension + i
-        return PickFreezePart(2 + 4 * self.dimension + number, 2 + j, anchor, (i, j), MATRIX_A)
+        label = self._first_redrawn + 2 * self.dimension + number
+        return PickFreezePart(label, 2 + j, anchor, (i, j), MATRIX_A)
+
+    def part_sharing_all(self) -> PickFreezePart:
+        """Return the part that shares all inputs with A: a further run at its point."""
+        label = self._first_redrawn + 2 * self.dimension + len(self.pairs)
+        return PickFreezePart(label, self.repeated_matrix, MATRIX_A, tuple(range(self.dimension)))
 
     def matrices(self, A: FloatArray, B: FloatArray) -> FloatArray:
         """Return the points of the first round, shape (block, matrix, input), from A and B."""
@@ -119,6 +141,8 @@ class BlockLayout:
         matrices = [A, B, *(_exchange_column(A, B, i) for i in each)]
         if self.second_order:
             matrices += [_exchange_column(B, A, i) for i in each]
+        if self.noise:
+            matrices.append(A)
         return np.stack(matrices, axis=1)
 
     def flag_attributes(self) -> dict[str, Any]:
@@ -128,10 +152,14 @@ class BlockLayout:
         if self.second_order:
             meanings += [f"{_BA_PREFIX}{name}" for name in self.inputs]
             numbers = list(range(2 + 2 * self.dimension))
+        if self.noise:
+            meanings.append(_REPEATED_A)
+            numbers.append(self.repeated_matrix)
         numbers += [part.matrix for part in self.parts.values() if part.anchor is not None]
         meanings += [f"redrawn_sharing_{name}" for name in self.inputs]
         meanings += [f"redrawn_sharing_all_but_{name}" for name in self.inputs]
         meanings += [f"redrawn_sharing_{self.inputs[i]}+{self.inputs[j]}" for i, j in self.pairs]
+        meanings += ["redrawn_sharing_all"] if self.noise else []
         return {
             "long_name": "matrix of the run's block",
             "flag_values": np.array(numbers, dtype=np.int16),
@@ -192,6 +220,9 @@ class Saltelli(Design):
     second_order : bool
         Whether there are also points of B with one input from A, for indices of pairs of inputs. A
         block of d random inputs then takes 2 d + 2 runs.
+    noise : bool
+        Whether the point of A has two runs in each block, of a model with noise of its own. A block
+        takes one run more, and the indices are also those of the mean given the inputs.
 
     References
     ----------
@@ -205,6 +236,7 @@ class Saltelli(Design):
     base: int = count(minimum=2)
     replicates: int = count(minimum=2, maximum=MOST_REPLICATES, default=16)
     second_order: bool = flag(default=False)
+    noise: bool = flag(default=False)
 
     def check_settings(self) -> Iterator[Problem]:
         return uneven_replicates(self.base, self.replicates, powers_of_two=True, setting="base")
@@ -239,11 +271,17 @@ class Saltelli(Design):
             return super().extension(earlier, joint)
         now, before = ((each.base, each.replicates) for each in (self, earlier))
         blocks = nested_replicates(now, before, powers_of_two=True, setting="base")
-        # Blocks for indices of pairs contain those without.
-        rows = min(each._layout(joint).rows_per_block for each in (self, earlier))
-        lacks_pairs = earlier.second_order and not self.second_order
-        pairs = {"second_order": True} if lacks_pairs else {}
-        return replace(blocks, kept=(blocks.kept or 0) * rows, nearest={**blocks.nearest, **pairs})
+        # Blocks for indices of pairs contain those without, and likewise with A run twice.
+        layouts = [each._layout(joint) for each in (self, earlier)]
+        both = (all(each.second_order for each in layouts), all(each.noise for each in layouts))
+        rows = BlockLayout(layouts[0].inputs, *both).rows_per_block
+        lacking = {
+            name: True
+            for name in ("second_order", "noise")
+            if getattr(earlier, name) and not getattr(self, name)
+        }
+        kept = (blocks.kept or 0) * rows
+        return replace(blocks, kept=kept, nearest={**blocks.nearest, **lacking})
 
     def scaled(self, joint: JointDistribution, runs: int, *, replicated: bool) -> Saltelli | None:
         # It has two sets at least, and both halves of each must be balanced.
@@ -255,7 +293,7 @@ class Saltelli(Design):
 
     def _layout(self, joint: JointDistribution) -> BlockLayout:
         names = tuple(entry.variable.name for entry in joint.random)
-        return BlockLayout(names, self.second_order)
+        return BlockLayout(names, self.second_order, self.noise)
 
     def _base_matrices(
         self, joint: JointDistribution, stream: Stream

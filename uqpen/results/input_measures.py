@@ -132,6 +132,7 @@ def _index_tables(
         kinds.insert(0, of_logarithm)
     elif everything:
         kinds.append(of_logarithm)
+    kinds.append(("shares of the mean", "the variance of its mean given the inputs"))
     for name, of in kinds:
         columns = _columns(statistics, output, shares.ordered(MEASURES[name]))
         if not everything:

@@ -132,6 +132,45 @@ def ratio_jackknife_error(
     return np.sqrt(variance), groups - 1
 
 
+def fieller_margins(
+    error: npt.ArrayLike,
+    covariance: npt.ArrayLike,
+    denominator_error: npt.ArrayLike,
+    quantile: float,
+) -> tuple[FloatArray, FloatArray]:
+    """Return the distances from a ratio to the ends of its set, which is Fieller's.
+
+    The set has all ratios θ for which numerator - θ · denominator does not differ from 0. It is no
+    interval where the denominator does not differ from 0 itself; its ends are then infinite.
+
+    Parameters
+    ----------
+    error : array_like, shape (...)
+        Standard error of the ratio by the delta method.
+    covariance : array_like, shape (...)
+        Of the errors of the ratio and of the denominator, the latter over the denominator.
+    denominator_error : array_like, shape (...)
+        Standard error of the denominator, over the denominator.
+    quantile : float
+        Half-width of an interval in standard errors.
+
+    Returns
+    -------
+    below, above : ndarray, shape (...)
+
+    References
+    ----------
+    Fieller, E. C. (1954). J. R. Statist. Soc. B 16, 175-185.
+    """
+    squared = quantile**2
+    left = 1 - squared * np.square(denominator_error)
+    shift = squared * np.asarray(covariance)
+    half = np.sqrt(shift**2 + squared * np.square(error) * np.maximum(left, 0.0))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ends = [np.where(left > 0, each / left, math.inf) for each in (half + shift, half - shift)]
+    return ends[0], ends[1]
+
+
 def additive_residual_error(influence: FloatArray, inputs: FloatArray) -> tuple[FloatArray, float]:
     """Standard error of a mean over one Latin hypercube.
 

@@ -378,6 +378,19 @@ OF_ALL_ADMISSIBLE = (
     "have given"
 )
 
+# Models with noise of their own.
+FIELLER = "Fieller's set, {error_model}"
+FIELLER_OVER_REPLICATES = "Fieller's set over replicates"
+ROOT_OF_INTERVAL = "root of the variance's: delta method, {error_model}"
+NOISE_HIDES_IT = (
+    "noise hides it: the variance of the mean given the inputs may be 0; more points would show it"
+)
+NO_NOISE_SEEN = "the repeats of every point agree"
+FEW_POINTS = "fewer than {points} points: the coverage may be below nominal"
+TOO_FEW_POINTS = "{points} points are too few"
+NO_REPEATED_POINT = "no point has two completed runs"
+CLUSTERS = "{method}; a point with its repeats counts as one"
+
 # Failed runs.
 ADMISSIBLE_INPUTS = "admissible inputs"
 # Of an output that some runs do not have.

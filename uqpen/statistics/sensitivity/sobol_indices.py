@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -13,7 +13,7 @@ import numpy.typing as npt
 import xarray as xr
 
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
-from uqpen.core.labels import CONDITIONAL, OF_FIELD, PAIR, REPLICATE, ROUND, RUN, STATUS
+from uqpen.core.labels import CONDITIONAL, OF_FIELD, OF_MEAN, PAIR, REPLICATE, ROUND, RUN, STATUS
 from uqpen.core.model import Output
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
@@ -23,7 +23,13 @@ from uqpen.statistics.distribution_function.quantiles import has_enough_runs_aro
 from uqpen.statistics.estimate import LEVEL, Estimate
 from uqpen.statistics.fields.field_sample import equal_columns
 from uqpen.statistics.input_columns import InputColumns
-from uqpen.statistics.intervals import group_sums, ratio_jackknife_error, student_quantile
+from uqpen.statistics.intervals import (
+    fieller_margins,
+    group_sums,
+    ratio_error,
+    ratio_jackknife_error,
+    student_quantile,
+)
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import DistanceShape, Sample, SampleShape
 from uqpen.statistics.sensitivity.input_measures import (
@@ -173,14 +179,21 @@ class BlockVariable:
         """Return the indices of an order: of all inputs, or of all pairs of inputs."""
         layout = self.blocks.layout
         numbers = range(len(layout.pairs) if order == "second_order" else layout.dimension)
+        return self._unless_constant(
+            lambda: Estimate.stacked(self.estimates(self.terms(order, i)) for i in numbers),
+            len(numbers),
+        )
+
+    def _unless_constant(self, estimated: Callable[[], Estimate], *shape: int) -> Estimate:
+        """Return estimates of a shape, or the reason why there are none."""
         reason = ""
         if not self.blocks.count:
             reason = texts.NO_BLOCK
-        elif self.sample.is_constant:
+        elif self.sample.is_constant.all():
             reason = texts.CONSTANT_EVENT if self.is_event else texts.CONSTANT_OUTPUT
         if reason:
-            return Estimate.without_bounds(np.full(len(numbers), np.nan), reason)
-        return Estimate.stacked(self.estimates(self.terms(order, i)) for i in numbers)
+            return Estimate.without_bounds(np.full(shape, np.nan), reason)
+        return estimated()
 
     def terms(self, order: str, number: int) -> IndexTerms:
         """Return the terms of the index of an input, or of a pair of inputs, by its number.
@@ -217,11 +230,56 @@ class BlockVariable:
         A, B = self.drawn
         return (A**2 + B**2) / 2
 
-    def estimates(self, terms: IndexTerms, denominator: FloatArray | None = None) -> Estimate:
+    # Of a model with noise of its own, by both runs A and A' at each point of A. Their noise has
+    # nothing in common, so it is not in the mean of a product of them.
+
+    @cached_property
+    def _noise(self) -> FloatArray:
+        """Contribution of each block to the variance of the noise."""
+        return (self.drawn[0] - self._again) ** 2 / 2
+
+    @property
+    def _again(self) -> FloatArray:
+        """Standardized values of the second runs at the points A."""
+        return self._values_at(self.blocks.layout.part_sharing_all().matrix)
+
+    def noise_share(self) -> Estimate:
+        """Return the share of the noise in the variance."""
+        return self._unless_constant(
+            lambda: self.estimates(IndexTerms(self._noise, self._noise > 0))
+        )
+
+    def indices_of_mean(self, order: str) -> Estimate:
+        """Return the indices of all inputs, of the mean given the inputs."""
+        numbers = range(self.blocks.layout.dimension)
+        return self._unless_constant(
+            lambda: Estimate.stacked(self._index_of_mean(order, i) for i in numbers), len(numbers)
+        )
+
+    def _index_of_mean(self, order: str, number: int) -> Estimate:
+        layout = self.blocks.layout
+        (A, B), again = self.drawn, self._again
+        if order == "total_order":
+            AB = self._values_at(layout.part_sharing_others(number).matrix)
+            numerator = (A - AB) * (again - AB) / 2 - self._noise / 2
+        else:
+            AB = self._values_at(layout.part_sharing_one(number).matrix)
+            numerator = B * (AB - (A + again) / 2)
+        between = self._denominator - self._noise
+        return self.estimates(IndexTerms(numerator, numerator != 0), between, is_of_mean=True)
+
+    def estimates(
+        self,
+        terms: IndexTerms,
+        denominator: FloatArray | None = None,
+        *,
+        is_of_mean: bool = False,
+    ) -> Estimate:
         """Return an index with its interval; of a whole field the denominator is given."""
         blocks, numerator = self.blocks, terms.numerator
         denominator = self._denominator if denominator is None else denominator
-        value = numerator.mean(axis=-1) / denominator.mean(axis=-1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            value = numerator.mean(axis=-1) / denominator.mean(axis=-1)
         if blocks.replicate_count < 2:
             return Estimate.without_bounds(value, texts.BLOCKS_OF_ONE_REPLICATE)
         # Where a replicate has all of the variance there are no bounds.
@@ -235,14 +293,19 @@ class BlockVariable:
         wide = np.maximum(half, student_quantile(blocks.count - 1, self.level) * over_blocks)
         is_uncertain = self.shape.is_uncertain
         half = np.where(is_uncertain, wide, half)
+        below = above = half
+        method = np.where(is_uncertain, texts.WIDER_OF_TWO, texts.JACKKNIFE)
+        if is_of_mean:
+            below, above = self._fieller_margins(influence, denominator, half)
+            method = np.asarray(texts.FIELLER_OVER_REPLICATES)
         tail = self.shape.tail_note
         if self.shape.hidden_tail:
             tail = texts.ONLY_BLOCKS.format(blocks=blocks.count)
         found = Estimate(
             value,
-            value - half,
-            value + half,
-            np.where(is_uncertain, texts.WIDER_OF_TWO, texts.JACKKNIFE),
+            value - below,
+            value + above,
+            method,
             np.where(is_uncertain, "conservative", "nominal"),
             np.where(is_uncertain, texts.DOUBTFUL_AS.format(reason=tail), self._reservation),
         )
@@ -250,11 +313,27 @@ class BlockVariable:
         spread = group_sums(denominator, blocks.replicate, blocks.replicate_count)
         is_in_one = spread.max(axis=-1) == spread.sum(axis=-1)
         found = found.remove_bounds_at(is_in_one, texts.VARIES_IN_ONE_REPLICATE)
+        if is_of_mean:
+            found = found.remove_bounds_at(~np.isfinite(below), texts.NOISE_HIDES_IT)
         are_few = np.count_nonzero(terms.informative, axis=-1) < _FEWEST_INFORMATIVE
         found = found.remove_bounds_at(are_few, texts.FEW_INFORMATIVE_BLOCKS)
         if self.is_event and not has_enough_runs_around(self.sample, self.sample.values.sum()):
             return Estimate.without_bounds(found.value, texts.TOO_ONE_SIDED)
         return found
+
+    def _fieller_margins(
+        self, influence: FloatArray, denominator: FloatArray, half: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the distances to the ends of Fieller's set, from the half-width without it."""
+        scale = denominator.mean(axis=-1, keepdims=True)
+        of_index, of_total = influence / scale, denominator / scale
+        errors = [
+            ratio_error(each, self.blocks.replicate, self.blocks.replicate_count)
+            for each in (of_index + of_total, of_index - of_total, of_total)
+        ]
+        (together, freedom), (apart, _), (own, _) = errors
+        quantile = student_quantile(freedom, self.level)
+        return fieller_margins(half / quantile, (together**2 - apart**2) / 4, own, quantile)
 
     @property
     def _reservation(self) -> npt.NDArray[np.str_]:
@@ -276,7 +355,8 @@ def sobol_indices(
     name : str
         ``first_order``, ``total_order`` and, for a design with second order, ``second_order``;
         ``log_first_order``, ``log_total_order`` where all values are positive;
-        ``exceedance_first_order``, ``exceedance_total_order`` where thresholds are requested. For a
+        ``exceedance_first_order``, ``exceedance_total_order`` where thresholds are requested;
+        ``noise_share``, ``mean_first_order``, ``mean_total_order`` where A has two runs. For a
         categorical output, ``category_first_order`` and ``category_total_order`` alone.
     estimate : DataArray
         Along ``input`` (``second_order`` along ``pair``) and ``bound``; the indices of exceedance
@@ -304,6 +384,18 @@ def sobol_indices(
                 PAIR, units="1", long_name=name, coordinates=_pair_coordinates(layout), level=level
             )
             yield "second_order", array.assign_attrs(blocks.attributes)
+        if layout.noise and not function.prefix:
+            share = variable.noise_share().to_array(
+                units="1", long_name=f"share of the noise in the variance of {function.title}"
+            )
+            yield "noise_share", share.assign_attrs(blocks.attributes)
+            for order, adjective in INDEX_ORDERS.items():
+                name = (
+                    f"{adjective} Sobol' indices of the mean of {function.title} given the inputs"
+                )
+                rows = [variable.indices_of_mean(order)]
+                array = function_array(rows, function, layout.inputs, name, level)
+                yield f"{OF_MEAN}{order}", array.assign_attrs(blocks.attributes)
 
 
 def _pair_coordinates(layout: BlockLayout) -> dict[str, Any]:

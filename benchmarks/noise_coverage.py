@@ -1,0 +1,474 @@
+"""How often intervals of statistics of models with noise of their own cover.
+
+A table as `seed_table.py` makes it, of docs/coverage/noise.md. Mean m(x) and variance v(x) of each
+model are known exactly, and so are all shares: integrals over the inputs, by Gauss's rule. A cell
+fails if its intervals cover in less than 92 %, unless it has fewer than 100 points or a kurtosis
+above 4.5, which have a note or no interval.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from argparse import Namespace
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterator, Sequence
+from functools import cached_property, lru_cache
+from itertools import product
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from seed_table import FEWEST, LOWEST, Case, Row, SeedTable, lines, per_cent, totals
+
+from uqpen.core.model import Output
+from uqpen.core.sampling import Sampling
+from uqpen.core.streams import Stream
+from uqpen.designs.quasi_monte_carlo import SobolSequence, sobol_points
+from uqpen.designs.saltelli import BlockLayout
+from uqpen.statistics import texts
+from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.input_columns import InputColumns
+from uqpen.statistics.moments.sample_moments import mean_estimate
+from uqpen.statistics.noise import ENOUGH_POINTS, RepeatedSample
+from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.statistics.sample import DOUBTFUL_KURTOSIS, Sample
+from uqpen.statistics.sensitivity.sobol_indices import BlockVariable, PickFreezeBlocks
+
+FloatArray = npt.NDArray[np.float64]
+Draw = Callable[[np.random.Generator, FloatArray], FloatArray]
+
+QUANTITY = QuantityOfInterest(Output("y", "1"), "1")
+COUNTS = ("intervals", "covers", "noted", "hidden", "heavy")
+NODES = 48
+
+
+class Truth(NamedTuple):
+    """What a model's statistics are of."""
+
+    mean: float
+    std: float
+    noise_share: float
+    noise_std: float
+    mean_given_inputs_std: float
+    mean_first_order: tuple[float, ...]
+    mean_total_order: tuple[float, ...]
+
+    @property
+    def first_order(self) -> tuple[float, ...]:
+        """Indices of the whole output."""
+        return tuple((1 - self.noise_share) * each for each in self.mean_first_order)
+
+
+class NoisyModel:
+    """A model of uniform inputs with noise.
+
+    Parameters
+    ----------
+    inputs : int
+    mean, variance : callable
+        Given the inputs, shape (..., input).
+    draw : callable
+        Draws a run at each point.
+    """
+
+    def __init__(self, inputs: int, mean: Any, variance: Any, draw: Draw) -> None:
+        self.inputs, self.mean, self.variance, self.draw = inputs, mean, variance, draw
+
+    @cached_property
+    def truth(self) -> Truth:
+        """By Gauss's rule over both halves of each input, where one of them has a kink."""
+        nodes, weights = np.polynomial.legendre.leggauss(NODES // 2)
+        u, w = np.concatenate([nodes + 1, nodes + 3]) / 4, np.tile(weights / 4, 2)
+        grid = np.stack(np.meshgrid(*[u] * self.inputs, indexing="ij"), axis=-1)
+        density = np.ones(grid.shape[:-1])
+        for axis in range(self.inputs):
+            shape = [1] * self.inputs
+            shape[axis] = NODES
+            density = density * w.reshape(shape)
+        m, v = self.mean(grid), self.variance(grid)
+        mean = float((density * m).sum())
+        of_mean = float((density * (m - mean) ** 2).sum())
+        noise = float((density * v).sum())
+        first, total = [], []
+        for axis in range(self.inputs):
+            others = tuple(each for each in range(self.inputs) if each != axis)
+            given = (density * m).sum(axis=others) / w
+            first.append(float((w * (given - mean) ** 2).sum()) / of_mean)
+            shape = [1] * self.inputs
+            shape[axis] = NODES
+            rest = density.sum(axis=axis)
+            without = (m * w.reshape(shape)).sum(axis=axis)
+            total.append(1 - float((rest * (without - mean) ** 2).sum()) / of_mean)
+        return Truth(
+            mean,
+            math.sqrt(of_mean + noise),
+            noise / (of_mean + noise),
+            math.sqrt(noise),
+            math.sqrt(of_mean),
+            tuple(first),
+            tuple(total),
+        )
+
+    @cached_property
+    def kurtosis(self) -> float:
+        """Of many runs."""
+        rng = np.random.default_rng(1)
+        y = self.draw(rng, rng.random((1_000_000, self.inputs)))
+        deviations = y - y.mean()
+        return float((deviations**4).mean() / (deviations**2).mean() ** 2)
+
+
+def _gaussian(inputs: int, mean: Any, std: Any) -> NoisyModel:
+    def draw(rng: np.random.Generator, u: FloatArray) -> FloatArray:
+        return mean(u) + std(u) * rng.standard_normal(u.shape[:-1])
+
+    return NoisyModel(inputs, mean, lambda u: std(u) ** 2, draw)
+
+
+def _light_toy() -> NoisyModel:
+    """Sum a + b² + N(0, 1): shares 0.25, 0.5, and 0.25 of the noise; c is idle."""
+    a, b = 2 * math.sqrt(3), 2 * 22.5**0.25
+
+    def mean(u: FloatArray) -> FloatArray:
+        return a * u[..., 0] + (b * (u[..., 1] - 0.5)) ** 2
+
+    return _gaussian(3, mean, lambda u: np.ones(u.shape[:-1]))
+
+
+def _g_function() -> NoisyModel:
+    def mean(u: FloatArray) -> FloatArray:
+        a = np.array([0.0, 1.0, 9.0])
+        return ((np.abs(4 * u - 2) + a) / (1 + a)).prod(axis=-1)
+
+    return _gaussian(3, mean, lambda u: 0.3 + 0.9 * u[..., 2])
+
+
+def _ishigami() -> NoisyModel:
+    def mean(u: FloatArray) -> FloatArray:
+        x = np.pi * (2 * u - 1)
+        one = np.sin(x[..., 0])
+        return one + 7 * np.sin(x[..., 1]) ** 2 + 0.1 * x[..., 2] ** 4 * one
+
+    return _gaussian(3, mean, lambda u: 1 + 2 * u[..., 0])
+
+
+def _compound_poisson() -> NoisyModel:
+    """A Poisson number of exponential amounts, such as the claims of a year."""
+
+    def draw(rng: np.random.Generator, u: FloatArray) -> FloatArray:
+        number = rng.poisson(5 + 10 * u[..., 0])
+        total = rng.standard_gamma(np.maximum(number, 1e-9))
+        return np.where(number > 0, total, 0.0) * (1 + 2 * u[..., 1])
+
+    return NoisyModel(
+        2,
+        lambda u: (5 + 10 * u[..., 0]) * (1 + 2 * u[..., 1]),
+        lambda u: 2 * (5 + 10 * u[..., 0]) * (1 + 2 * u[..., 1]) ** 2,
+        draw,
+    )
+
+
+def _brownian() -> NoisyModel:
+    """Geometric Brownian motion after a time of 1."""
+
+    def parts(u: FloatArray) -> tuple[FloatArray, ...]:
+        return 50 + 100 * u[..., 0], 0.1 * u[..., 1], 0.1 + 0.2 * u[..., 2]
+
+    def mean(u: FloatArray) -> FloatArray:
+        start, drift, _ = parts(u)
+        return start * np.exp(drift)
+
+    def variance(u: FloatArray) -> FloatArray:
+        return mean(u) ** 2 * np.expm1(parts(u)[2] ** 2)
+
+    def draw(rng: np.random.Generator, u: FloatArray) -> FloatArray:
+        volatility = parts(u)[2]
+        return mean(u) * np.exp(
+            volatility * rng.standard_normal(volatility.shape) - volatility**2 / 2
+        )
+
+    return NoisyModel(3, mean, variance, draw)
+
+
+def _galton_watson() -> NoisyModel:
+    """Five generations; each of 10 to 30 ancestors has its own tree, and inputs are continuous."""
+    generations = 5
+
+    def parts(u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return 10 + 20 * u[..., 0], 0.8 + 0.3 * u[..., 1]
+
+    def mean(u: FloatArray) -> FloatArray:
+        start, growth = parts(u)
+        return start * growth**generations
+
+    def variance(u: FloatArray) -> FloatArray:
+        # The first generation is Poisson of start · growth, so it has that variance, as if each
+        # ancestor had a Poisson number of children.
+        start, growth = parts(u)
+        powers = sum(growth**k for k in range(generations))
+        return start * growth**generations * powers
+
+    def draw(rng: np.random.Generator, u: FloatArray) -> FloatArray:
+        number, growth = parts(u)
+        for _ in range(generations):
+            number = rng.poisson(number * growth)
+        return number.astype(np.float64)
+
+    return NoisyModel(2, mean, variance, draw)
+
+
+def _event() -> NoisyModel:
+    def mean(u: FloatArray) -> FloatArray:
+        return 0.1 + 0.5 * u[..., 0] + 0.3 * u[..., 1]
+
+    def draw(rng: np.random.Generator, u: FloatArray) -> FloatArray:
+        return (rng.random(u.shape[:-1]) < mean(u)).astype(np.float64)
+
+    return NoisyModel(2, mean, lambda u: mean(u) * (1 - mean(u)), draw)
+
+
+def _queue() -> NoisyModel:
+    """Mean number of those before 50 arrivals at a queue (M/M/1), times the cost of one.
+
+    The queue starts in its stationary state, so the mean is exactly ρ/(1 - ρ). The variance follows
+    from the chain of the numbers that arrivals meet: its transition matrix gives all covariances.
+    """
+    arrivals, most = 50, 250
+
+    def variance_of_mean(load: float) -> float:
+        number = np.arange(most)
+        stationary = (1 - load) * load**number
+        served = 1 / (1 + load)  # probability that a service ends before the next arrival
+        below = number[:, None] + 1 - number[None, :]  # services from one arrival to the next
+        matrix = np.where(below >= 0, served ** np.maximum(below, 0) * (1 - served), 0.0)
+        matrix[:, 0] = served ** (number + 1)
+        centred = number - load / (1 - load)
+        moved, total = centred, 0.0
+        for lag in range(arrivals):
+            covariance = float((stationary * centred * moved).sum())
+            total += covariance * (arrivals - lag) * (2 if lag else 1)
+            moved = matrix @ moved
+        return total / arrivals**2
+
+    nodes = 0.45 + 0.25 * np.cos(np.pi * (np.arange(16) + 0.5) / 16)
+    series = np.polynomial.Chebyshev.fit(
+        nodes, [math.log(variance_of_mean(each)) for each in nodes], 15, domain=[0.2, 0.7]
+    )
+
+    def parts(u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return 0.2 + 0.5 * u[..., 0], 0.5 + u[..., 1]
+
+    def draw(rng: np.random.Generator, u: FloatArray) -> FloatArray:
+        load, cost = parts(u)
+        number = rng.geometric(1 - load) - 1.0
+        total = np.zeros(load.shape)
+        for _ in range(arrivals):
+            total += number
+            services = rng.geometric(load / (1 + load)) - 1
+            number = np.maximum(number + 1 - services, 0)
+        return cost * total / arrivals
+
+    return NoisyModel(
+        2,
+        lambda u: parts(u)[1] * parts(u)[0] / (1 - parts(u)[0]),
+        lambda u: parts(u)[1] ** 2 * np.exp(series(parts(u)[0])),
+        draw,
+    )
+
+
+MODELS = {
+    "light toy": _light_toy,
+    "g-function": _g_function,
+    "compound Poisson": _compound_poisson,
+    "Ishigami": _ishigami,
+    "Brownian": _brownian,
+    "Galton-Watson": _galton_watson,
+    "event": _event,
+    "queue": _queue,
+}
+
+
+@lru_cache
+def model(name: str) -> NoisyModel:
+    """Return a model by its name."""
+    return MODELS[name]()
+
+
+# Points and repeats; of blocks of points that share inputs, the number of blocks.
+SIZES = ("60 × 2", "100 × 2", "200 × 2", "133 × 3", "1000 × 2", "200 × 10")
+REPLICATED = ("16 × 64 × 2",)
+BLOCKS = ("512", "2048")
+DESIGNS = {
+    **{f"monte-carlo {size}": size for size in SIZES},
+    **{f"sobol-sequence {size}": size for size in REPLICATED},
+    **{f"saltelli {size}": size for size in BLOCKS},
+}
+
+
+def repeated_sample(
+    of: NoisyModel, rng: np.random.Generator, size: str
+) -> tuple[Sample, FloatArray]:
+    """Return points, and the values of their repeats."""
+    *sets, points, repeats = map(int, size.split(" × "))
+    replicates = sets[0] if sets else 1
+    if sets:
+        draw = SobolSequence(runs=points).draw
+        u = np.concatenate([draw(rng, points, of.inputs) for _ in range(replicates)])
+    else:
+        u = rng.random((points, of.inputs))
+    everything = np.arange(len(u))
+    names = tuple(f"x{number}" for number in range(of.inputs))
+    sample = Sample(
+        values=np.full(len(u), np.nan),
+        used=everything,
+        missing=everything[:0],
+        columns=InputColumns.from_matrix(names, u),
+        replicates=everything // points,
+        sampling=Sampling.STRATIFIED if sets else Sampling.INDEPENDENT,
+    )
+    values = of.draw(rng, np.repeat(u[:, None, :], repeats, axis=1))
+    return sample, values
+
+
+def _estimates(of: NoisyModel, rng: np.random.Generator, size: str) -> Iterator[tuple[str, Any]]:
+    """Yield the estimates of a sample, with what they are of."""
+    found, truth = RepeatedSample.of(*repeated_sample(of, rng, size)), of.truth
+    yield "mean", (mean_estimate(found.means, QUANTITY), truth.mean)
+    yield "std", (found.std(), truth.std)
+    yield "noise_share", (found.share_of_noise(), truth.noise_share)
+    yield "noise_std", (found.root(found.noise), truth.noise_std)
+    yield "mean_given_inputs_std", (found.root(found.of_mean), truth.mean_given_inputs_std)
+    for column in range(of.inputs):
+        for name in ("first_order", "mean_first_order"):
+            own = found.first_order(column, is_of_mean=name != "first_order")
+            yield f"{name} {column + 1}", (own, getattr(truth, name)[column])
+
+
+def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
+    """Yield the numbers of intervals of some seeds, and of those that cover."""
+    name, design = map(str, case)
+    of, size = model(name), DESIGNS[design]
+    cells: defaultdict[str, Counter[str]] = defaultdict(Counter)
+    if design.startswith("saltelli"):
+        found = block_estimates(of, int(size), seeds)
+    else:
+        found = (
+            pair
+            for seed in seeds
+            for pair in _estimates(of, Stream(seed, "noise").generator(name, design), size)
+        )
+    for statistic, (estimates, truth) in found:
+        for estimate in estimates.each():
+            cell = cells[statistic]
+            cell["hidden"] += texts.NOISE_HIDES_IT in estimate.note
+            cell["heavy"] += "heavy tail" in estimate.note
+            if math.isfinite(estimate.lower):
+                cell["intervals"] += 1
+                cell["noted"] += bool(estimate.note)
+                cell["covers"] += estimate.lower <= truth <= estimate.upper
+                cell["sum"] += estimate.value - truth
+    for statistic, cell in cells.items():
+        bias = cell["sum"] / max(cell["intervals"], 1)
+        yield {"statistic": statistic} | {key: cell[key] for key in COUNTS} | {"bias": bias}
+
+
+def block_estimates(
+    of: NoisyModel, blocks: int, seeds: Sequence[int]
+) -> Iterator[tuple[str, tuple[Estimate, float]]]:
+    """Yield the estimates of blocks whose matrix A is run twice, of all seeds at once."""
+    inputs = tuple(f"x{number}" for number in range(of.inputs))
+    layout, replicates = BlockLayout(inputs, second_order=False, noise=True), 16
+    values = []
+    for seed in seeds:
+        rng = Stream(seed, "noise").generator("blocks", str(blocks))
+        each = [sobol_points(rng, blocks // replicates, 2 * of.inputs) for _ in range(replicates)]
+        A, B = np.split(np.concatenate(each), 2, axis=1)
+        values.append(of.draw(rng, layout.matrices(A, B)).T.ravel())
+    rows = {
+        number: part.first * blocks + np.arange(blocks) for number, part in layout.parts.items()
+    }
+    replicate = np.arange(blocks) // (blocks // replicates)
+    found = PickFreezeBlocks(layout, rows, replicate, {})
+    variable, truth = BlockVariable(found, np.array(values)), of.truth
+    yield "noise_share", (variable.noise_share(), truth.noise_share)
+    for order in ("first_order", "total_order"):
+        mean, whole = variable.indices_of_mean(order), variable.indices(order)
+        for column in range(of.inputs):
+            exact = getattr(truth, f"mean_{order}")[column]
+            yield f"mean_{order} {column + 1}", (_of_input(mean, column), exact)
+            share = truth.noise_share
+            exact = (1 - share) * exact + (share if order == "total_order" else 0)
+            yield f"{order} {column + 1}", (_of_input(whole, column), exact)
+
+
+def _of_input(found: Estimate, column: int) -> Estimate:
+    """Return the estimates of an input, out of those of shape (seed, input)."""
+    return Estimate(*(np.asarray(each)[:, column] for each in vars(found).values()))
+
+
+def _cells(rows: Sequence[Row]) -> dict[tuple[Any, ...], Any]:
+    return totals(rows, ("model", "design", "statistic"), ("count", *COUNTS))
+
+
+def _points(design: str) -> int:
+    if design.startswith("saltelli"):
+        return int(DESIGNS[design])
+    return math.prod(int(each) for each in DESIGNS[design].split(" × ")[:-1])
+
+
+def _failing(rows: Sequence[Row]) -> Iterator[str]:
+    for (name, design, statistic), cell in _cells(rows).items():
+        # A heavy tail is noted, or has no interval.
+        is_judged = _points(design) >= ENOUGH_POINTS and model(name).kurtosis <= DOUBTFUL_KURTOSIS
+        if is_judged and cell.intervals >= FEWEST and cell.covers < LOWEST * cell.intervals:
+            yield f"{name}, {design}, {statistic}: {per_cent(cell.covers, cell.intervals)}"
+
+
+def _page(rows: Sequence[Row]) -> Iterator[str]:
+    """Lowest and highest coverage over the inputs of an index, by model and design."""
+    cells = _cells(rows)
+    designs = [each for each in DESIGNS if any(row["design"] == each for row in rows)]
+    statistics = dict.fromkeys(key[2].split()[0] for key in cells)
+    for statistic in statistics:
+        table = []
+        for name in MODELS:
+            row = [f"{name} ({model(name).truth.noise_share:.2f}, {model(name).kurtosis:.1f})"]
+            for design in designs:
+                own = [
+                    cell
+                    for key, cell in cells.items()
+                    if key[:2] == (name, design) and key[2].split()[0] == statistic
+                ]
+                row.append(_text(own))
+            table.append(row)
+        yield from lines([statistic, *designs], table)
+        yield ""
+    seeds = {design: max(c.count for k, c in cells.items() if k[1] == design) for design in designs}
+    yield f"Seeds: {', '.join(f'{count} of {design}' for design, count in seeds.items())}."
+
+
+def _text(cells: Sequence[Any]) -> str:
+    if not cells:
+        return "–"
+    known = [cell for cell in cells if cell.intervals >= FEWEST]
+    if not known:
+        return "none"
+    shares = sorted({per_cent(each.covers, each.intervals) for each in known}, key=float)
+    text = " to ".join(dict.fromkeys((shares[0], shares[-1])))
+    whole = sum(each.intervals for each in cells) / sum(each.count for each in cells)
+    return f"{text} of {100 * whole:.0f} %" if whole < 0.995 else text
+
+
+TABLE = SeedTable(
+    ("model", "design"),
+    lambda: product(MODELS, DESIGNS),
+    _rows,
+    {"noise": _page},
+    _failing,
+    seeds=500,
+    at_once=100,
+)
+
+if __name__ == "__main__":
+    sys.exit(TABLE.main(__doc__))
