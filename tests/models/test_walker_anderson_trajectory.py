@@ -180,6 +180,18 @@ def test_what_overflows_is_not_finite():
     assert results.reasons == {0: "penetration_depth is inf"}
 
 
+@pytest.mark.processor
+def test_a_run_has_the_same_bits_alone():
+    # Enough places that a search among them needs more secants for one than for another.
+    model = WalkerAndersonTrajectory(along="time and depth", times=41, depths=41)
+    limits = 4e8 * np.linspace(0.8, 1.2, 12)
+    cases = [{**ROD, "target_yield_limit": limit} for limit in limits]
+    together = model.evaluate(inputs(*cases)).outputs
+    for run, case in enumerate(cases):
+        for name, values in model.evaluate(inputs(case)).outputs.items():
+            np.testing.assert_array_equal(values[0], together[name][run], err_msg=name)
+
+
 @pytest.mark.parametrize("kind", [WalkerAndersonTrajectory, RigidPenetrationTrajectory])
 def test_they_meet_the_contract_of_models(kind):
     check_model(kind(along="time and depth", times=5, depths=5), inputs(ROD, CASES["standstill"]))

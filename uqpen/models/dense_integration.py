@@ -65,11 +65,13 @@ class Steps(NamedTuple):
         at_old, at_new = start - values, self.after[variable, step] - values
         rounding = _ROUNDING * (np.abs(start) + np.abs(values))
         for _ in range(_MOST_SECANTS):
-            if (np.abs(at_new) <= rounding).all():
+            is_found = np.abs(at_new) <= rounding
+            if is_found.all():
                 break
-            with np.errstate(invalid="ignore"):
+            with np.errstate(invalid="ignore", divide="ignore"):
                 secant = new - at_new * (new - old) / (at_new - at_old)
-            part = np.where(at_new == 0, new, secant)
+            # One that is found stays, as it would alone.
+            part = np.where(is_found, new, secant)
             found = _interpolate(start, terms, part) - values
             is_passed = found * at_new < 0
             old, at_old = np.where(is_passed, new, old), np.where(is_passed, at_new, at_old / 2)
