@@ -33,3 +33,7 @@ def test_fresh_archives_give_the_verdicts_of_the_page(tmp_path, monkeypatch):
     monkeypatch.setattr(archives, "extent", extents.__getitem__)
     other = {each.number: each.verdict for each in reproduction.items(archives)}
     assert {number for number in other if other[number] != made[number]} == {46}
+    # Without a transition that comes sooner, another one changes.
+    monkeypatch.setattr(archives, "change", lambda *_: [0.0, 0.0, 0.0])
+    other = {each.number: each.verdict for each in reproduction.items(archives)}
+    assert {number for number in other if other[number] != made[number]} == {39, 46}

@@ -14,7 +14,7 @@ def decay(state, rates):
     return np.stack([-rates[0] * state[0], np.ones_like(state[1])])
 
 
-def is_half(state):
+def is_half(state, rates):
     return state[0] < 0.5
 
 

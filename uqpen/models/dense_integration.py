@@ -22,8 +22,8 @@ from uqpen.models import dop853
 
 # Slopes of states of shape (variable, problem), given constants of shape (constant, problem).
 Slopes = Callable[[FloatArray, FloatArray], FloatArray]
-# Whether states of shape (variable, problem) meet a condition.
-Condition = Callable[[FloatArray], BoolArray]
+# Whether states of shape (variable, problem), given their constants, meet a condition.
+Condition = Callable[[FloatArray, FloatArray], BoolArray]
 
 # Attempts at most, after which a problem is given up.
 MOST_STEPS = 16_000
@@ -61,22 +61,25 @@ class Steps(NamedTuple):
         The values lie between those at the ends of the step.
         """
         start, terms = self.before[variable, step], self.terms[:, variable, step]
-        old, new = np.zeros(step.size), np.ones(step.size)
-        at_old, at_new = start - values, self.after[variable, step] - values
-        rounding = _ROUNDING * (np.abs(start) + np.abs(values))
-        for _ in range(_MOST_SECANTS):
-            is_found = np.abs(at_new) <= rounding
-            if is_found.all():
-                break
-            with np.errstate(invalid="ignore", divide="ignore"):
-                secant = new - at_new * (new - old) / (at_new - at_old)
-            # One that is found stays, as it would alone.
-            part = np.where(is_found, new, secant)
-            found = _interpolate(start, terms, part) - values
-            is_passed = found * at_new < 0
-            old, at_old = np.where(is_passed, new, old), np.where(is_passed, at_new, at_old / 2)
-            new, at_new = part, found
-        return new
+        return _root(
+            lambda part: _interpolate(start, terms, part) - values,
+            start - values,
+            self.after[variable, step] - values,
+            _ROUNDING * (np.abs(start) + np.abs(values)),
+        )
+
+    def root_parts(self, step: IntArray, value: Callable[[FloatArray], FloatArray]) -> FloatArray:
+        """Return the part of each step after which a value of the states is 0.
+
+        The values of states, of shape (variable, step), are about 1 in size, and differ in sign at
+        the ends of each step.
+        """
+        return _root(
+            lambda part: value(self.states(step, part)),
+            value(self.before[:, step]),
+            value(self.after[:, step]),
+            np.full(step.size, 4 * _ROUNDING),
+        )
 
 
 def integrate(
@@ -103,7 +106,7 @@ def integrate(
     scales : ndarray, shape (variable, problem)
         Sizes of the variables.
     is_past : callable
-        Whether states are past the end of their problem.
+        Whether states are past the end of their problem, given its constants.
     tolerance : float
         Error allowed to a step, relative to a variable, and to a hundredth of its scale.
     """
@@ -119,7 +122,7 @@ def integrate(
         stages, after = _try_step(slopes, batch)
         error = _relative_error(stages, after, batch, tolerance)
         is_taken = error < 1
-        is_over = is_taken & is_past(after)
+        is_over = is_taken & is_past(after, batch.constants)
         taken = np.flatnonzero(is_taken)
         if taken.size:
             steps, ends = batch.select(taken), after[:, taken]
@@ -188,6 +191,29 @@ def _terms(
     first, last = batch.size * stages[0], batch.size * stages[len(dop853.SOLUTION)]
     further = (batch.size * _weighted_sum(weights, stages) for weights in dop853.INTERPOLANT)
     return np.stack([change, first - change, 2 * change - first - last, *further])
+
+
+def _root(
+    value: Callable[[FloatArray], FloatArray],
+    at_old: FloatArray,
+    at_new: FloatArray,
+    rounding: FloatArray,
+) -> FloatArray:
+    """Return the part of each step at which a value is 0, given its values at both ends."""
+    old, new = np.zeros(at_old.size), np.ones(at_old.size)
+    for _ in range(_MOST_SECANTS):
+        is_found = np.abs(at_new) <= rounding
+        if is_found.all():
+            break
+        with np.errstate(invalid="ignore", divide="ignore"):
+            secant = new - at_new * (new - old) / (at_new - at_old)
+        # One that is found stays, as it would alone.
+        part = np.where(is_found, new, secant)
+        found = value(part)
+        is_passed = found * at_new < 0
+        old, at_old = np.where(is_passed, new, old), np.where(is_passed, at_new, at_old / 2)
+        new, at_new = part, found
+    return new
 
 
 def _interpolate(before: FloatArray, terms: FloatArray, part: FloatArray) -> FloatArray:

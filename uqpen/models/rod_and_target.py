@@ -12,9 +12,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from enum import IntEnum
+from typing import Any
 
 import numpy as np
 
+from uqpen.core.errors import Problem, toml_text
 from uqpen.core.model import (
     POSITIVE,
     Arrays,
@@ -25,6 +27,7 @@ from uqpen.core.model import (
     Input,
     Output,
 )
+from uqpen.core.settings import choice, number
 from uqpen.models.source import BuiltInModel
 
 _INPUTS = (
@@ -75,26 +78,43 @@ class Termination(IntEnum):
     """The nose comes to rest while the rod is eroding."""
     RIGID = 2
     """The rod never begins to erode."""
+    STRENGTH = 3
+    """The rest of the rod no longer yields and goes on as a rigid body, its tail still faster."""
 
 
 _TERMINATION_LABELS = {
     Termination.BREAKDOWN: "v = u",
     Termination.STANDSTILL: "u = 0",
     Termination.RIGID: "rigid",
+    Termination.STRENGTH: "v > u",
 }
 
-OUTPUTS = (
-    Output("penetration_depth", "m", "depth of penetration"),
-    Output("projectile_residue", "m", "length of projectile left"),
-    Output("erosion_end_depth", "m", "depth at which erosion ends"),
-    Output(
-        "termination",
-        "1",
-        "how erosion ends",
-        categories=tuple(
-            Category(kind.name.lower(), _TERMINATION_LABELS[kind]) for kind in Termination
+
+def _outputs(*kinds: Termination) -> tuple[Output, ...]:
+    """Return the outputs of a rod whose erosion ends in one of some ways."""
+    return (
+        Output("penetration_depth", "m", "depth of penetration"),
+        Output("projectile_residue", "m", "length of projectile left"),
+        Output("erosion_end_depth", "m", "depth at which erosion ends"),
+        Output(
+            "termination",
+            "1",
+            "how erosion ends",
+            categories=tuple(
+                Category(kind.name.lower(), _TERMINATION_LABELS[kind]) for kind in kinds
+            ),
         ),
-    ),
+    )
+
+
+OUTPUTS = _outputs(Termination.BREAKDOWN, Termination.STANDSTILL, Termination.RIGID)
+OUTPUTS_BY_STRENGTH = _outputs(*Termination)
+
+# Criteria by which an eroding rod becomes rigid; each ends erosion at v = u at the latest.
+EQUAL_VELOCITIES, RIGID_VELOCITY, RIGID_STRESS = (
+    "equal-velocities",
+    "rigid-velocity",
+    "rigid-stress",
 )
 
 # Of a sound speed and a Young's modulus, where both are given.
@@ -118,6 +138,28 @@ class RodModel(BuiltInModel):
             given = inputs["projectile_sound_speed"]
             agrees = np.abs(_elastic_sound_speed(inputs) / given - 1) <= _AGREEMENT
             yield agrees, "projectile_sound_speed = sqrt(young_modulus / density) within 1 %"
+
+
+def transition_setting() -> Any:
+    """Declare by which criterion an eroding rod becomes rigid; see docs/walker_anderson.md."""
+    criteria = (EQUAL_VELOCITIES, RIGID_VELOCITY, RIGID_STRESS)
+    return choice(*criteria, default=EQUAL_VELOCITIES)
+
+
+def strength_factor_setting() -> Any:
+    """Declare the projectile's strength in that criterion, in units of its yield limit."""
+    return number(above=0, default=1.0)
+
+
+def transition_problems(transition: str, strength_factor: float) -> Iterator[Problem]:
+    """Yield what is wrong with these two settings together."""
+    if transition == EQUAL_VELOCITIES and strength_factor != 1:
+        criteria = f"{toml_text(RIGID_VELOCITY)} or {toml_text(RIGID_STRESS)}"
+        yield Problem(
+            ("strength_factor",),
+            toml_text(strength_factor),
+            f"none where the velocities alone decide; or transition = {criteria}",
+        )
 
 
 def sound_speed(inputs: Arrays) -> FloatArray:

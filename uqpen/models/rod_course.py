@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -16,7 +17,14 @@ from scipy import special
 from uqpen.core.arrays import FloatArray
 from uqpen.core.errors import TrajectoryError
 from uqpen.models.dense_integration import MOST_STEPS, Steps, integrate
-from uqpen.models.rod_motion import Rods, final_states, is_over
+from uqpen.models.rod_motion import (
+    DEFAULT,
+    Rods,
+    Transition,
+    final_states,
+    is_over,
+    rigid_velocity,
+)
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -106,17 +114,20 @@ def erosion_slopes(state: FloatArray, rod: FloatArray) -> FloatArray:
     return np.stack([du, dx, -excess, u])  # (2.18)
 
 
-def trajectory(rod: Rods, *, depths: int = DEPTHS, tolerance: float = 1e-10) -> Trajectory:
+def trajectory(
+    rod: Rods, *, depths: int = DEPTHS, tolerance: float = 1e-10, transition: Transition = DEFAULT
+) -> Trajectory:
     """Follow one run from impact to rest; TrajectoryError if erosion does not end."""
-    steps, (u, x, L, z), end = integrate_erosion(rod, tolerance)
+    steps, (u, x, L, z), end = integrate_erosion(rod, tolerance, transition)
     inertia, resistance = float(rod.density_ratio * L + rod.added_length), float(rod.resistance)
-    rest = z + inertia * math.log1p(u**2 / resistance)
+    V = float(rigid_velocity(np.array([u, x, L]), np.array(rod)))
+    rest = z + inertia * math.log1p(V**2 / resistance)
     depth = np.linspace(0.0, rest, depths)
     is_rigid = depth >= z
     during = _course_of_erosion(steps, depth[~is_rigid], rod)
-    time, velocity = rigid_motion(depth[is_rigid], rest, u, inertia, resistance)
+    time, velocity = rigid_motion(depth[is_rigid], rest, V, inertia, resistance)
     length = np.full_like(time, L)
-    # A rod that stops while it erodes keeps its plastic extent; else x is 0.
+    # A rod that stops while it erodes keeps its plastic extent.
     extent = np.full_like(time, rod.plastic_scale * x if u == 0 else 0.0)
     after = (end + time, velocity, velocity, length, extent)
     return Trajectory(depth, *map(np.concatenate, zip(during, after, strict=True)))
@@ -133,31 +144,33 @@ def _course_of_erosion(steps: Steps | None, depth: FloatArray, rod: Rods) -> tup
 
 
 def integrate_erosion(
-    rod: Rods, tolerance: float
+    rod: Rods, tolerance: float, transition: Transition = DEFAULT
 ) -> tuple[Steps | None, tuple[float, float, float, float], float]:
-    """Integrate from impact to v = u or u = 0, whichever is first; TrajectoryError if neither is.
+    """Integrate from impact to the end of erosion, whichever is first; TrajectoryError if none is.
 
     Returns
     -------
     steps : Steps or None
         Of one problem, whose variables are u, x, L and z; None where the rod does not erode.
     state : tuple of float
-        u, x, L and z at the end: u or x is 0.
+        u, x, L and z at the end: u or x is 0, or the rod is rigid by the transition.
     time : float
         The end, s.
     """
     v0, L0 = float(rod.impact_velocity), float(rod.length)
     at_impact, constants = np.array([[v0, 0.0, L0, 0.0]]).T, np.array([rod]).T
     # A rod that does not begin to erode has reached v = u at once.
-    if not erosion_slopes(at_impact, constants)[1] > 0:
+    falls_back = erosion_slopes(at_impact, constants)[1] > 0
+    if not (falls_back and transition.margin(at_impact, constants) > 0):
         return None, (v0, 0.0, L0, 0.0), 0.0
     scales = np.array([[v0, 1.0, L0, L0]]).T
-    taken = list(integrate(erosion_slopes, at_impact, constants, scales, is_over, tolerance))
+    is_past = partial(is_over, transition=transition)
+    taken = list(integrate(erosion_slopes, at_impact, constants, scales, is_past, tolerance))
     # A plastic zone next to the crater is stiff: S/R = 1.001 takes about as many steps.
     if not taken or not taken[-1].is_last[0]:
         raise TrajectoryError(f"erosion did not come to an end within {MOST_STEPS} steps")
     steps = Steps._make(np.concatenate(each, axis=-1) for each in zip(*taken, strict=True))
-    ends, part = final_states(steps)
+    ends, part = final_states(steps, constants, transition)
     u, x, L, z = ends[:, -1].tolist()
     return steps, (u, x, L, z), float(steps.start[-1] + part[0] * steps.size[-1])
 

@@ -8,6 +8,10 @@ References
 ----------
 Soleng, H. H. & Svinsås, E. (2001). FFI/RAPPORT-2000/05876. Its equation numbers stand in brackets;
 its (2.9) is used with (2 - ε), as (2.4) and (2.8) give it.
+Alekseevskii, V. P. (1966). Combustion, Explosion and Shock Waves 2(2), 63-66.
+Tate, A. (1967). J. Mech. Phys. Solids 15, 387-399. The velocity below which a rod is rigid.
+
+Numbers in brackets without a point are those of docs/walker_anderson.md.
 """
 
 from __future__ import annotations
@@ -15,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -22,7 +27,7 @@ from scipy import special
 
 from uqpen.core.arrays import Arrays, BoolArray, FloatArray, IntArray
 from uqpen.models.dense_integration import Steps, integrate
-from uqpen.models.rod_and_target import sound_speed
+from uqpen.models.rod_and_target import EQUAL_VELOCITIES, RIGID_VELOCITY, sound_speed
 
 
 class Rods(NamedTuple):
@@ -92,6 +97,46 @@ def erosion_slopes(state: FloatArray, constants: FloatArray) -> FloatArray:
     )
 
 
+class Transition(NamedTuple):
+    """Criterion by which an eroding rod becomes rigid, before its tail is as slow as its nose."""
+
+    criterion: str = EQUAL_VELOCITIES
+    strength_factor: float = 1.0  # F, in units of the projectile's yield limit
+
+    def margin(self, state: FloatArray, constants: FloatArray) -> FloatArray:
+        """Return what is left to the end of erosion, shape (run,): positive while a rod erodes.
+
+        It is a difference of pressures over the largest pressure, and 1 where the velocities alone
+        decide. The first rows of a state are u, x and L.
+        """
+        u, x, L = state[:3]
+        if self.criterion == EQUAL_VELOCITIES:
+            return np.ones_like(u)
+        Omega, _, _, tail_strength, c, added_length, resistance, _, v0 = constants
+        strength = 2 * self.strength_factor * Omega * tail_strength * c
+        largest = v0**2 + resistance
+        if self.criterion == RIGID_VELOCITY:
+            return ((u * (1 + x)) ** 2 + resistance - strength) / largest  # (2)
+        V = rigid_velocity(state, constants)
+        borne = Omega * L / (Omega * L + added_length)
+        return ((V**2 + resistance) * borne - strength) / largest  # (3)
+
+
+DEFAULT = Transition()
+
+
+def rigid_velocity(state: FloatArray, constants: FloatArray) -> FloatArray:
+    """Return the velocity of the rigid body with the momentum of rod and target, shape (run,).
+
+    The first rows of a state are u, x and L.
+    """
+    u, x, L = state[:3]
+    Omega, profile, kappa, _, _, added_length, _, _, _ = constants
+    share = Omega * (L - kappa * x / profile) / (Omega * L + added_length)
+    # Exactly u where the velocities are equal, also for lengths that overflow.
+    return u + np.where(x == 0, 0.0, u * x * share)  # (1)
+
+
 class RigidMotion(NamedTuple):
     """Motion of rods that do not erode: 2 K du/dt = -(u² + B), (2.16) with u = v."""
 
@@ -104,8 +149,9 @@ class RigidMotion(NamedTuple):
     @classmethod
     def after(cls, rods: Rods, state: FloatArray) -> RigidMotion:
         """Return the motion of rods after a state of u, x, L, z and the time, shape (5, run)."""
-        u, _, L, z, t = state
-        return cls(rods.density_ratio * L + rods.added_length, rods.resistance, u, z, t)
+        _, _, L, z, t = state
+        velocity = rigid_velocity(state, np.stack(rods))
+        return cls(rods.density_ratio * L + rods.added_length, rods.resistance, velocity, z, t)
 
     def select(self, run: IntArray) -> RigidMotion:
         """Return the motion of some runs; one may be there several times."""
@@ -189,25 +235,30 @@ class Curves:
             z, (u, t) = coordinates, moving.at_depths(coordinates)
         else:
             t, (u, z) = coordinates, moving.at_times(coordinates)
-        # A rod that stops while it erodes keeps its plastic extent; else x is 0.
-        _, x, L, _, _ = start[:, run]
+        # A rod that stops while it erodes keeps its plastic extent.
+        at_end, x, L, _, _ = start[:, run]
+        x = np.where(at_end == 0, x, 0.0)
         self.values[:, run, place] = u, u, L, rods.plastic_scale[run] * x, z, t
 
 
-def follow_erosion(rods: Rods, curves: Sequence[Curves], tolerance: float) -> FloatArray:
+def follow_erosion(
+    rods: Rods, curves: Sequence[Curves], tolerance: float, transition: Transition = DEFAULT
+) -> FloatArray:
     """Fill curves in until erosion ends, and return the states there.
 
     Returns
     -------
     ndarray, shape (5, run)
-        u, x, L, z and the time: x or u is 0. NaN where erosion does not end within
-        `dense_integration.MOST_STEPS`; the state at impact of a rod that does not begin to erode.
+        u, x, L, z and the time: x or u is 0, or the rod is rigid by the transition. NaN where
+        erosion does not end within `dense_integration.MOST_STEPS`; the state at impact of a rod
+        that does not begin to erode.
     """
     start = at_impact(rods)
     constants = np.stack(rods)
     ends = start.copy()
     # (2.16) and (2.17): the tail falls back behind the nose from the start.
-    erodes = np.flatnonzero(erosion_slopes(start, constants)[1] > 0)
+    falls_back = erosion_slopes(start, constants)[1] > 0
+    erodes = np.flatnonzero(falls_back & (transition.margin(start, constants) > 0))
     ends[:, erodes] = np.nan
     one = np.ones_like(rods.length)
     scales = np.stack(
@@ -218,39 +269,49 @@ def follow_erosion(rods: Rods, curves: Sequence[Curves], tolerance: float) -> Fl
         start[:, erodes],
         constants[:, erodes],
         scales[:, erodes],
-        is_over,
+        partial(is_over, transition=transition),
         tolerance,
     ):
         steps = some._replace(problem=erodes[some.problem])
-        states, _ = final_states(steps)
+        states, _ = final_states(steps, constants, transition)
         for each in curves:
             each.add_erosion(steps, states, rods)
         ends[:, steps.problem[steps.is_last]] = states[:, steps.is_last]
     return ends
 
 
-def final_states(steps: Steps) -> tuple[FloatArray, FloatArray]:
+def final_states(
+    steps: Steps, constants: FloatArray, transition: Transition
+) -> tuple[FloatArray, FloatArray]:
     """Return the states at the ends of steps: of the last one of a rod, where its erosion ends.
 
     The second array has the part of each rod's last step after which that is.
     """
     last = np.flatnonzero(steps.is_last)
-    parts = np.full((2, last.size), np.inf)
+    parts = np.full((3, last.size), np.inf)
     for variable in (0, 1):  # u and x
         passed = np.flatnonzero(steps.after[variable, last] < 0)
         parts[variable, passed] = steps.parts_at(last[passed], variable, np.zeros(passed.size))
+    own = constants[:, steps.problem[last]]
+    passed = np.flatnonzero(transition.margin(steps.after[:, last], own) < 0)
+    if passed.size:
+        own = own[:, passed]
+        parts[2, passed] = steps.root_parts(
+            last[passed], lambda states: transition.margin(states, own)
+        )
     ends = steps.after.copy()
-    # Of two events the first is the one that ends erosion.
-    first = parts.min(axis=0)
+    # Of several events the first is the one that ends erosion.
+    first, event = parts.min(axis=0), parts.argmin(axis=0)
     ends[:, last] = steps.states(last, first)
-    ends[parts.argmin(axis=0), last] = 0.0
+    is_zero = event < 2
+    ends[event[is_zero], last[is_zero]] = 0.0
     return ends, first
 
 
-def is_over(state: FloatArray) -> BoolArray:
+def is_over(state: FloatArray, constants: FloatArray, transition: Transition) -> BoolArray:
     """Check that states are past the end of erosion."""
     u, x = state[:2]
-    return (x < 0) | (u < 0)
+    return (x < 0) | (u < 0) | (transition.margin(state, constants) < 0)
 
 
 def _places(

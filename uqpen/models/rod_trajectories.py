@@ -13,12 +13,18 @@ from uqpen.core.model import Dimension, Output, Results, empty_outputs
 from uqpen.core.settings import choice, count, number, quantity, validate
 from uqpen.core.status import Status
 from uqpen.models.dense_integration import MOST_STEPS
-from uqpen.models.rod_and_target import RodModel
+from uqpen.models.rod_and_target import (
+    RodModel,
+    strength_factor_setting,
+    transition_problems,
+    transition_setting,
+)
 from uqpen.models.rod_motion import (
     Along,
     Curves,
     RigidMotion,
     Rods,
+    Transition,
     at_impact,
     follow_erosion,
     make_rods,
@@ -146,6 +152,8 @@ class WalkerAndersonTrajectory(RodTrajectories):
     tolerance : float
         Relative error allowed to a step of the integration; with the default, curves of the
         concrete study are right to 1e-6 of their largest values.
+    transition, strength_factor
+        When the rod becomes rigid; see `WalkerAnderson`.
 
     References
     ----------
@@ -153,11 +161,18 @@ class WalkerAndersonTrajectory(RodTrajectories):
     """
 
     tolerance: float = number(above=0, below=1e-2, default=1e-8)
+    transition: str = transition_setting()
+    strength_factor: float = strength_factor_setting()
 
     name = "walker-anderson-trajectory"
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        validate(self, transition_problems(self.transition, self.strength_factor))
+
     def erode(self, rods: Rods, curves: Sequence[Curves]) -> FloatArray:
-        return follow_erosion(rods, curves, self.tolerance)
+        transition = Transition(self.transition, self.strength_factor)
+        return follow_erosion(rods, curves, self.tolerance, transition)
 
 
 @dataclass(frozen=True)

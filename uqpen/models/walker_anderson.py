@@ -21,7 +21,16 @@ from uqpen.core.model import Arrays, FloatArray, Results
 from uqpen.core.processors import map_parts
 from uqpen.core.settings import number, validate
 from uqpen.core.status import Status
-from uqpen.models.rod_and_target import RodModel, Termination, sound_speed
+from uqpen.models.rod_and_target import (
+    EQUAL_VELOCITIES,
+    OUTPUTS_BY_STRENGTH,
+    RodModel,
+    Termination,
+    sound_speed,
+    strength_factor_setting,
+    transition_problems,
+    transition_setting,
+)
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -34,6 +43,11 @@ _UNSOLVED = "the integration did not reach the end of erosion within its steps"
 
 _WORTH_A_THREAD = 512  # runs, which take a millisecond
 
+# Rods that are followed together to a criterion of their own, and the tolerance of that
+# integration, in units of the model's: the errors are then those that the model promises.
+_TOGETHER = 1024
+_FINER = 1e-2
+
 
 @dataclass(frozen=True)
 class WalkerAnderson(RodModel):
@@ -41,31 +55,50 @@ class WalkerAnderson(RodModel):
 
     Erosion ends where the tail is as slow as the nose (the rest of the rod goes on as a rigid
     body) or where the nose comes to rest; a rod that never starts to erode is rigid throughout.
+    Other criteria end erosion while the tail is still faster; the rest then goes on with the
+    momentum of rod and target.
 
     Parameters
     ----------
     tolerance : float
         Relative error allowed to a step of the integration; with the default, depth and residue
         of the concrete study are right to 1e-6.
+    transition : str
+        When the rod becomes rigid, if not before its tail is as slow as its nose:
+        ``"equal-velocities"`` (not before), ``"rigid-velocity"`` (where the tail is no faster than
+        the rod that Alekseevskii and Tate call rigid) or ``"rigid-stress"`` (where the rest of the
+        rod would not yield as a rigid body). The last two are integrated by another method, which
+        takes some hundred times as long.
+    strength_factor : float
+        Strength of the projectile in that criterion, in units of its yield limit.
 
     References
     ----------
     Walker, J. D. & Anderson, C. E. (1995). Int. J. Impact Engng 16, 19-48.
+    Alekseevskii, V. P. (1966). Combustion, Explosion and Shock Waves 2(2), 63-66.
+    Tate, A. (1967). J. Mech. Phys. Solids 15, 387-399.
     Soleng, H. H. & Svinsås, E. (2001). FFI/RAPPORT-2000/05876; its equation (2.9) is used with
     (2 - ε) as (2.4) and (2.8) give it, where the report prints (2 + ε).
     """
 
     tolerance: float = number(above=0, below=1e-2, default=DEFAULT_TOLERANCE)
+    transition: str = transition_setting()
+    strength_factor: float = strength_factor_setting()
 
     name = "walker-anderson"
 
     def __post_init__(self) -> None:
-        validate(self)
+        validate(self, transition_problems(self.transition, self.strength_factor))
+        if self.transition != EQUAL_VELOCITIES:
+            object.__setattr__(self, "outputs", OUTPUTS_BY_STRENGTH)
 
     def prepare(self) -> None:
-        erode(np.empty((8, 0)), self.tolerance)
+        if self.transition == EQUAL_VELOCITIES:
+            erode(np.empty((8, 0)), self.tolerance)
 
     def evaluate(self, inputs: Arrays) -> Results:
+        if self.transition != EQUAL_VELOCITIES:
+            return self._evaluate_by_strength(inputs)
         S, R = inputs["plasticity_radius"], inputs["crater_radius"]
         length, velocity = inputs["projectile_length"], inputs["impact_velocity"]
         projectile, target = inputs["projectile_density"], inputs["target_density"]
@@ -90,16 +123,29 @@ class WalkerAnderson(RodModel):
         u, _, L, z, termination = ends
         # (2.16) with v = u from the end of erosion, integrated over depth down to u = 0.
         depth = z + (Omega * L + added_length) * special.log1p(u**2 / resistance)
-        is_solved = np.isfinite(depth) & np.isfinite(L)
-        outputs = {
-            "penetration_depth": depth * length,
-            "projectile_residue": L * length,
-            "erosion_end_depth": z * length,
-            "termination": termination,
-        }
-        status = np.where(is_solved, Status.OK, Status.FAILED).astype(np.int8)
-        reasons = dict.fromkeys(np.flatnonzero(~is_solved).tolist(), _UNSOLVED)
-        return Results(outputs, status, reasons)
+        return _results(length, depth, L, z, termination)
+
+    def _evaluate_by_strength(self, inputs: Arrays) -> Results:
+        """Run a batch whose erosion may end before the velocities are equal."""
+        from uqpen.models.rod_motion import RigidMotion, Transition, follow_erosion, make_rods
+
+        transition = Transition(self.transition, self.strength_factor)
+        columns = []
+        for first in range(0, inputs["crater_radius"].size, _TOGETHER):
+            some = slice(first, first + _TOGETHER)
+            # What overflows has no number.
+            with np.errstate(all="ignore"):
+                rods = make_rods({name: values[some] for name, values in inputs.items()})
+                state = follow_erosion(rods, (), _FINER * self.tolerance, transition)
+                depth = RigidMotion.after(rods, state).rest_depth
+            u, x, L, z, time = state
+            ending = np.select(
+                [time == 0, u == 0, x == 0],
+                [Termination.RIGID, Termination.STANDSTILL, Termination.BREAKDOWN],
+                Termination.STRENGTH,
+            )
+            columns.append(np.stack([depth, L, z, ending]))
+        return _results(np.ones(1), *np.concatenate([np.empty((4, 0)), *columns], axis=1))
 
     def trajectory(self, inputs: Mapping[str, float]) -> xr.Dataset:
         """The course of one run against depth, from the surface to where the rod stops.
@@ -108,14 +154,33 @@ class WalkerAnderson(RodModel):
         along ``penetration_depth``. The inputs are SI values.
         """
         from uqpen.models.rod_course import make_rod, trajectory, trajectory_dataset
+        from uqpen.models.rod_motion import Transition
 
         c = sound_speed({name: np.asarray(value) for name, value in inputs.items()})
         values = {name: float(value) for name, value in inputs.items()}
         try:
-            course = trajectory(make_rod({**values, "projectile_sound_speed": float(c)}))
+            rod = make_rod({**values, "projectile_sound_speed": float(c)})
+            transition = Transition(self.transition, self.strength_factor)
+            course = trajectory(rod, transition=transition)
         except (OverflowError, ZeroDivisionError) as error:
             raise TrajectoryError(f"inputs too large or too small: {error}") from None
         return trajectory_dataset(course)
+
+
+def _results(
+    unit: FloatArray, depth: FloatArray, L: FloatArray, z: FloatArray, termination: FloatArray
+) -> Results:
+    """Return the results of a batch from lengths in a unit, m; those that are not finite failed."""
+    is_solved = np.isfinite(depth) & np.isfinite(L)
+    outputs = {
+        "penetration_depth": depth * unit,
+        "projectile_residue": L * unit,
+        "erosion_end_depth": z * unit,
+        "termination": termination,
+    }
+    status = np.where(is_solved, Status.OK, Status.FAILED).astype(np.int8)
+    reasons = dict.fromkeys(np.flatnonzero(~is_solved).tolist(), _UNSOLVED)
+    return Results(outputs, status, reasons)
 
 
 def erode(rods: FloatArray, tolerance: float) -> FloatArray:

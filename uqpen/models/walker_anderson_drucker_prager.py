@@ -21,7 +21,12 @@ from scipy import special
 from uqpen.core.arrays import FloatArray
 from uqpen.core.model import POSITIVE, Arrays, BoolArray, Bounds, Input, Results
 from uqpen.core.settings import number, validate
-from uqpen.models.rod_and_target import RodModel
+from uqpen.models.rod_and_target import (
+    RodModel,
+    strength_factor_setting,
+    transition_problems,
+    transition_setting,
+)
 from uqpen.models.walker_anderson import DEFAULT_TOLERANCE, WalkerAnderson
 
 if TYPE_CHECKING:
@@ -64,6 +69,8 @@ class WalkerAndersonDruckerPrager(RodModel):
     ----------
     tolerance : float
         Relative error allowed to a step of the integration; see `WalkerAnderson`.
+    transition, strength_factor
+        When the rod becomes rigid; see `WalkerAnderson`.
 
     References
     ----------
@@ -73,13 +80,16 @@ class WalkerAndersonDruckerPrager(RodModel):
     """
 
     tolerance: float = number(above=0, below=1e-2, default=DEFAULT_TOLERANCE)
+    transition: str = transition_setting()
+    strength_factor: float = strength_factor_setting()
 
     name = "walker-anderson-drucker-prager"
     inputs = (*RodModel.inputs, *_TARGET)
     alternatives = (*RodModel.alternatives, ("target_shear_modulus", "plasticity_radius"))
 
     def __post_init__(self) -> None:
-        validate(self)
+        validate(self, transition_problems(self.transition, self.strength_factor))
+        object.__setattr__(self, "outputs", self._in_constant_target().outputs)
 
     def conditions(self, inputs: Arrays) -> Iterator[tuple[BoolArray, str]]:
         lowest = inputs["zero_pressure_yield_limit"]
@@ -91,17 +101,20 @@ class WalkerAndersonDruckerPrager(RodModel):
         yield from super().conditions(_constant_target(inputs))
 
     def prepare(self) -> None:
-        WalkerAnderson().prepare()
+        self._in_constant_target().prepare()
 
     def evaluate(self, inputs: Arrays) -> Results:
-        return WalkerAnderson(self.tolerance).evaluate(_constant_target(inputs))
+        return self._in_constant_target().evaluate(_constant_target(inputs))
 
     def trajectory(self, inputs: Mapping[str, float]) -> xr.Dataset:
         """The course of one run against depth, as that of `walker-anderson`."""
         arrays = {name: np.array([value], dtype=np.float64) for name, value in inputs.items()}
         target = _constant_target(arrays)
         one = {name: value.item() for name, value in target.items()}
-        return WalkerAnderson(self.tolerance).trajectory(one)
+        return self._in_constant_target().trajectory(one)
+
+    def _in_constant_target(self) -> WalkerAnderson:
+        return WalkerAnderson(self.tolerance, self.transition, self.strength_factor)
 
 
 def _constant_target(inputs: Arrays) -> Arrays:
