@@ -7,12 +7,15 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 from click.testing import CliRunner
 
 import uqpen
 from uqpen.cli.export import export, table_format
+from uqpen.core.columns import read_columns
+from uqpen.core.errors import TableError
 from uqpen.results import TABLE_FORMATS
 from uqpen.results.export import table_content
 
@@ -78,10 +81,38 @@ def test_no_text_is_a_formula_of_a_spreadsheet(tmp_path):
     assert b'"=HYPERLINK' in b"".join(table_content([frame], "json")).replace(b"\\", b"")
 
 
+def test_excel_has_the_headings_of_csv_and_no_formula(archive, tmp_path, monkeypatch):
+    openpyxl = pytest.importorskip("openpyxl", reason="there is no openpyxl here")
+    for number in (1, 2):
+        done = _export(archive, "--runs", "-o", tmp_path / f"{number}.xlsx")
+        assert done.output == f"20 rows: {tmp_path / f'{number}.xlsx'}\n"
+    assert (tmp_path / "1.xlsx").read_bytes() == (tmp_path / "2.xlsx").read_bytes()
+    found = pd.read_excel(tmp_path / "1.xlsx")
+    expected = pd.read_csv(io.StringIO(_export(archive, "--runs").stdout))
+    pd.testing.assert_frame_equal(found, expected, rtol=1e-15, check_dtype=False)
+    odd = {"a [mm]": ["=1+1", "\x07", None], "b": [np.inf, np.nan, 0.1], "c": [True, False, True]}
+    (content,) = table_content([pd.DataFrame(odd)], "xlsx")
+    sheet = openpyxl.load_workbook(io.BytesIO(content)).worksheets[0]
+    cells = [[cell.value for cell in row] for row in sheet.iter_rows()]
+    assert cells[1:] == [
+        ["=1+1", "inf", True],
+        ["\N{REPLACEMENT CHARACTER}", None, False],
+        [None, 0.1, True],
+    ]
+    assert sheet["A2"].data_type == "s"
+    # Points of a surrogate, or of a design, may stand in such a file.
+    (column,) = read_columns(tmp_path / "1.xlsx", {}).columns[2:3]
+    assert column.values("1") == pytest.approx(expected["x1"], rel=1e-15)
+    monkeypatch.setitem(sys.modules, "openpyxl", None)
+    assert "pip install uqpen[excel]" in str(_export(archive, "-o", tmp_path / "3.xlsx").exception)
+    with pytest.raises(TableError, match="needs openpyxl: pip install"):
+        read_columns(tmp_path / "1.xlsx")
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["-o", "runs.xls"], "runs.xls: unknown ending; name --csv, --parquet or --json"),
+        (["-o", "runs.xls"], "runs.xls: unknown ending; name --csv, --parquet, --xlsx or --json"),
         (["--parquet"], "--parquet needs -o FILE"),
         (["--si"], "--si is for --runs; estimates are in SI units"),
         (["--runs", "--functions"], "--functions is for --statistics"),

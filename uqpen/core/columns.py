@@ -7,7 +7,8 @@ import functools
 import io
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+import zipfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -18,6 +19,7 @@ import numpy as np
 from uqpen.core.arrays import FloatArray, floats, is_finite_number
 from uqpen.core.errors import QuantityError, TableError, toml_text
 from uqpen.core.files import FileSnapshot, NotAFileError, read_file
+from uqpen.core.lookup import choices
 from uqpen.core.netcdf.opening import (
     LARGEST_DATA,
     NetcdfVariable,
@@ -80,18 +82,24 @@ class ColumnFile:
     columns: tuple[Column, ...]
 
 
-def read_columns(path: Path) -> ColumnFile:
+def read_columns(path: Path, labels: Mapping[str, Sequence[str]] | None = None) -> ColumnFile:
     """Read the columns of a file.
 
     They are the variables along one dimension of a NetCDF file, which ends in ``.nc``. Anything
-    else is read as CSV under a row of headings ``name [unit]``.
+    else is read as CSV under a row of headings ``name [unit]``, or as the first sheet of an Excel
+    file, which ends in ``.xlsx``. Columns with `labels` may have
+    these texts there, of which the positions are read.
 
     TableError if it is not there, or cannot be read.
     """
     is_netcdf = path.suffix == ".nc"
     try:
         content = read_file(path, LARGEST_DATA if is_netcdf else None)
-        columns = (_netcdf if is_netcdf else _csv)(path, content)
+        if is_netcdf:
+            columns = _netcdf(path, content)
+        else:
+            rows = _excel if path.suffix.lower() == ".xlsx" else _csv
+            columns = _columns(path, rows(path, content), labels or {})
         return ColumnFile(FileSnapshot.from_content(path, content), columns)
     except FileNotFoundError:
         raise TableError(f'there is no file "{path}"') from None
@@ -126,40 +134,66 @@ def _listed(values: list[Any], name: str) -> FloatArray:
     return np.array(values, dtype=np.float64)
 
 
-def _csv(path: Path, content: bytes) -> tuple[Column, ...]:
+def _csv(path: Path, content: bytes) -> Iterator[tuple[int, list[str]]]:
+    """Yield the rows of a CSV file that are not blank, each with its line."""
     # The reader goes through the bytes: a text of them takes four times as much.
     text = io.TextIOWrapper(io.BytesIO(content), encoding="utf-8-sig", newline="")
     reader = csv.reader(text)
     try:
-        lines = ((reader.line_num, row) for row in reader if any(map(str.strip, row)))
-        _, header = next(lines, (0, []))
-        if not header:
-            raise TableError(f'"{path.name}" is empty')
-        entries = [_Entries(position) for position in range(len(header))]
-        while rows := list(islice(lines, _ROWS)):
-            for line, row in rows:
-                if len(row) != len(header):
-                    found = f"{len(row)} values under {len(header)} headings"
-                    place = f'"{path.name}", line {line}'
-                    raise TableError(f"{place}: {found}; commas separate columns")
-            for each in entries:
-                each.add(rows)
+        for row in reader:
+            yield reader.line_num, row
     except UnicodeDecodeError:
         raise TableError(f'"{path.name}" is not UTF-8') from None
     except csv.Error as error:
         raise TableError(f'"{path.name}", line {reader.line_num}: {error}') from None
-    columns = []
-    for heading, each in zip(header, entries, strict=True):
-        name, unit = heading_parts(heading, f'"{path.name}"')
-        columns.append(Column(name, unit, functools.partial(each.numbers, name, path)))
-    return tuple(columns)
+
+
+def _excel(path: Path, content: bytes) -> Iterator[tuple[int, list[str]]]:
+    """Yield the rows of the first sheet of an Excel file, each with its number."""
+    try:
+        from openpyxl import load_workbook
+    except ImportError:
+        needed = "openpyxl: pip install uqpen[excel]; a CSV file needs nothing"
+        raise TableError(f'"{path.name}": an Excel file needs {needed}') from None
+    try:
+        sheet = load_workbook(io.BytesIO(content), read_only=True, data_only=True).worksheets[0]
+        for number, row in enumerate(sheet.iter_rows(values_only=True), 1):
+            yield number, ["" if value is None else str(value) for value in row]
+    except (OSError, ValueError, KeyError, IndexError, zipfile.BadZipFile) as error:
+        raise TableError(f'"{path.name}" cannot be read as Excel: {error}') from None
+
+
+def _columns(
+    path: Path, every: Iterator[tuple[int, list[str]]], labels: Mapping[str, Sequence[str]]
+) -> tuple[Column, ...]:
+    """Return the columns of rows, the first of which has the headings."""
+    lines = ((line, row) for line, row in every if any(map(str.strip, row)))
+    _, header = next(lines, (0, []))
+    if not header:
+        raise TableError(f'"{path.name}" is empty')
+    parts = [heading_parts(heading, f'"{path.name}"') for heading in header]
+    entries = [
+        _Entries(position, tuple(labels.get(name, ()))) for position, (name, _) in enumerate(parts)
+    ]
+    while rows := list(islice(lines, _ROWS)):
+        for line, row in rows:
+            if len(row) != len(header):
+                found = f"{len(row)} values under {len(header)} headings"
+                place = f'"{path.name}", line {line}'
+                raise TableError(f"{place}: {found}; commas separate columns")
+        for each in entries:
+            each.add(rows)
+    return tuple(
+        Column(*names, functools.partial(each.numbers, names[0], path))
+        for names, each in zip(parts, entries, strict=True)
+    )
 
 
 class _Entries:
     """Numbers of one column of a CSV file, up to the first entry that is none."""
 
-    def __init__(self, position: int) -> None:
-        self._position = position
+    def __init__(self, position: int, labels: Sequence[str]) -> None:
+        self._position, self._labels = position, labels
         self._parts: list[FloatArray] = []
         self._wrong: tuple[int, str] | None = None
 
@@ -170,6 +204,9 @@ class _Entries:
         values = np.empty(len(rows))
         for place, (line, row) in enumerate(rows):
             text = row[self._position].strip()
+            if text in self._labels:
+                values[place] = self._labels.index(text)
+                continue
             is_long = len(text) > _LONGEST_NUMBER
             if is_long or not _NUMBER.fullmatch(text) or not math.isfinite(float(text)):
                 self._wrong = line, text
@@ -184,7 +221,8 @@ class _Entries:
             where = f'"{path.name}", line {line}, column "{name}"'
             is_long = len(text) > _LONGEST_NUMBER
             found = f"{len(text)} characters" if is_long else toml_text(text)
-            raise TableError(f"{where}: found {found}, expected a number")
+            rest = f"; {choices(text, self._labels)}" if self._labels else ", expected a number"
+            raise TableError(f"{where}: found {found}{rest}")
         return np.concatenate([np.empty(0), *self._parts])
 
 

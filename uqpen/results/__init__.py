@@ -28,6 +28,12 @@ TABLE_FORMATS = {
         "Parquet; needs -o and pyarrow.",
         needs_file=True,
     ),
+    "xlsx": TableFormat(
+        "uqpen.results.export:excel_content",
+        "Excel",
+        "Excel; needs -o and openpyxl.",
+        needs_file=True,
+    ),
     "json": TableFormat(
         "uqpen.results.export:json_content", "JSON", "A list with an object for each row."
     ),

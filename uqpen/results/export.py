@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import io
 import json
+import math
 import re
+import zipfile
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -24,8 +26,8 @@ _QUANTITY = re.compile(rf"(?:{NUMBER})(?: [^=|!(]*)?")
 def table_content(parts: Iterable[pd.DataFrame], kind: str) -> Iterator[bytes]:
     """Yield a table as the content of a file, from consecutive parts with the same columns.
 
-    Numbers have all their digits. An ExportError is raised before anything is made if no package
-    that writes the format is installed.
+    Numbers have all their digits, and 16 in Excel. An ExportError is raised before anything is made
+    if no package that writes the format is installed.
     """
     content: Iterator[bytes] = resolve(TABLE_FORMATS[kind].function)(parts)
     return content
@@ -82,6 +84,62 @@ def parquet_content(parts: Iterable[pd.DataFrame]) -> Iterator[bytes]:
     if writer is not None:
         writer.close()
     yield written.take()
+
+
+# A sheet of Excel has so many rows.
+_MOST_EXCEL_ROWS = 1_048_576
+# What a file says of the time when it was written, so that the same table has the same bytes.
+_NO_TIME = (1980, 1, 1, 0, 0, 0)
+_TIMES = re.compile(rb"(<dcterms:(?:created|modified)[^>]*>)[^<]*")
+
+
+def excel_content(parts: Iterable[pd.DataFrame]) -> Iterator[bytes]:
+    """Yield a table as the sheet of an Excel file, under the headings that CSV has.
+
+    ExportError for more rows than a sheet has.
+    """
+    try:
+        from openpyxl import Workbook
+    except ImportError:
+        raise ExportError("Excel needs openpyxl: pip install uqpen[excel]") from None
+    book = Workbook(write_only=True)
+    sheet = book.create_sheet("uqpen")
+    rows = 1
+    for number, part in enumerate(parts):
+        if not number:
+            sheet.append([_excel_cell(sheet, str(name)) for name in part])
+        rows += len(part)
+        if rows > _MOST_EXCEL_ROWS:
+            raise ExportError(
+                f"a sheet of Excel has {_MOST_EXCEL_ROWS} rows, and the table more: write it as CSV"
+            )
+        as_objects = part.astype(object).where(part.notna(), None)
+        for row in as_objects.itertuples(index=False, name=None):
+            sheet.append([_excel_cell(sheet, value) for value in row])
+    whole, timeless = io.BytesIO(), io.BytesIO()
+    book.save(whole)
+    with zipfile.ZipFile(whole) as source, zipfile.ZipFile(timeless, "w") as target:
+        for entry in source.infolist():
+            content = source.read(entry)
+            if entry.filename == "docProps/core.xml":
+                content = _TIMES.sub(rb"\g<1>1980-01-01T00:00:00Z", content)
+            info = zipfile.ZipInfo(entry.filename, _NO_TIME)
+            target.writestr(info, content, zipfile.ZIP_DEFLATED)
+    yield timeless.getvalue()
+
+
+def _excel_cell(sheet: Any, value: Any) -> Any:
+    """Return a value for a row of Excel; a text stays one, and an infinite number becomes one."""
+    from openpyxl.cell import WriteOnlyCell
+    from openpyxl.cell.cell import ILLEGAL_CHARACTERS_RE
+
+    if isinstance(value, float) and not math.isfinite(value):
+        value = None if math.isnan(value) else str(value)
+    if not isinstance(value, str):
+        return value
+    made = WriteOnlyCell(sheet, ILLEGAL_CHARACTERS_RE.sub("\N{REPLACEMENT CHARACTER}", value))
+    made.data_type = "s"  # else "=1" were a formula
+    return made
 
 
 class _Written(io.RawIOBase):
