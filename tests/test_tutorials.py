@@ -8,6 +8,7 @@ import re
 import runpy
 import shutil
 import sys
+import tomllib
 
 import numpy as np
 import pandas as pd
@@ -137,22 +138,34 @@ def test_a_column_bends_by_the_formula_of_perry_and_robertson_until_it_buckles(f
 
 def test_floods_are_those_of_the_curve_number_method(follow, command_line):
     folder = follow("floods")
+    # The page's study is the one of `init`, in ten lines, but for a distribution.
+    assert command_line("init", "runs.csv", "-o", "first.toml").code == 0
+    first = (folder / "first.toml").read_text(encoding="utf-8")
+    lines = [line for line in first.splitlines() if line.strip() and not line.startswith("#")]
+    assert len(lines) == 10
+    shown = tomllib.loads((folder / "floods.toml").read_text(encoding="utf-8"))
+    assert tomllib.loads(first) == {key: shown[key] for key in shown if key != "inputs"}
     predicted = pd.read_csv(
-        io.StringIO(command_line("predict", "archives/floods.nc:chaos", "points.csv").out)
+        io.StringIO(command_line("predict", "archives/floods.nc", "points.csv").out)
     )
     # 5 inches of rain on curve number 80: (5 - 0.5)² / (5 + 2) inches run off.
     exact = 0.208 * 10 * 4.5**2 / 7 * 25.4 / 2.5
-    assert predicted["peak_flow [m3/s]"][0] == pytest.approx(exact, rel=1e-3)
-    assert predicted["extrapolated"].fillna("").tolist() == ["", "rain"]
-    rng = np.random.default_rng(2)
-    rain, area = rng.gumbel(60, 12, 10**6), rng.uniform(8, 12, 10**6)
-    kept = 25400 / rng.normal(75, 4, 10**6) - 254
-    runoff = np.maximum(rain - 0.2 * kept, 0) ** 2 / (rain + 0.8 * kept)
-    truth = (0.208 * area * runoff / rng.uniform(2, 3, 10**6) > 30).mean()
-    archive = uqpen.open_archive(folder / "archives" / "floods.nc")
-    estimate = archive["statistics/chaos/peak_flow/exceedance"]
-    lower, upper = estimate.sel(bound=["lower", "upper"]).values.ravel()
-    assert lower < truth < upper
+    assert predicted["Peak_flow [m3/s]"][0] == pytest.approx(exact, rel=0.01)
+    assert 0 < predicted["Peak_flow_std [m3/s]"][0] < 0.02 * exact
+    assert predicted["Soil_type"].tolist() == ["B", "B"]
+    assert predicted["extrapolated"].fillna("").tolist() == ["", "Rain"]
+    tree = uqpen.open_archive(folder / "archives" / "floods.nc")
+    indices = {
+        output: tree[f"statistics/data/{output}/first_order"].sel(bound="estimate")
+        for output in ("Peak_flow", "T_peak")
+    }
+    assert indices["Peak_flow"].idxmax() == "Rain"
+    assert indices["T_peak"].sel(input="Slope") > 0.99
+    # What the means over the runs of a soil explain, by hand.
+    runs = pd.read_csv("runs.csv").dropna()
+    peak, soils = runs["Peak flow (m3/s)"], runs.groupby("Soil type")["Peak flow (m3/s)"]
+    share = 1 - (soils.var() * soils.size()).sum() / len(runs) / peak.var()
+    assert indices["Peak_flow"].sel(input="Soil_type").item() == pytest.approx(share, rel=1e-4)
 
 
 def test_a_notebook_ends_at_a_page_and_says_a_mistake_in_a_line(tmp_path):

@@ -9,6 +9,7 @@ import pytest
 import xarray as xr
 
 import uqpen
+from uqpen.core.errors import QuantityError
 from uqpen.core.labels import AGREEMENT, CODED_INPUTS, DISTANT_VALUES, DROPPED_ROWS
 from uqpen.core.status import Status
 from uqpen.designs.data import DataDesign
@@ -448,13 +449,51 @@ def test_ten_lines_make_drivers_and_predictions_of_a_table_as_people_write_it(
     assert {*np.ravel(note)} == {
         "its draws are whole rows of a sample, of which no part is given the rest"
     }
-    (tmp_path / "new.csv").write_text("Rain (mm),Area [km2],soil\n50,1.5,0\n")
+    (tmp_path / "new.csv").write_text("Rain (mm),Area [km2],Soil type\n50,1.5,clay\n")
     assert command_line("predict", "flood.nc:gp", "new.csv", "-o", "found.csv").code == 0
     found = pd.read_csv(tmp_path / "found.csv")
     assert found["peak [m3/s]"][0] == pytest.approx(82.5, rel=0.01)
     assert 0 < found["peak_std [m3/s]"][0] < 1
+    assert found["soil"][0] == "clay"
+    (tmp_path / "new.csv").write_text("Rain (mm),Area (km2),soil\n50,1.5,mud\n")
+    done = command_line("predict", "flood.nc", "new.csv")
+    assert 'line 2, column "soil": found "mud"; known: clay, sand' in " ".join(done.err.split())
+    with pytest.raises(QuantityError, match="one of clay, sand"):
+        tree.surrogate("gp")(Rain=0.05, Area=1.5e6, soil="mud")
     wrong = mistakes(TOGETHER.replace("= true", "= 1"), "", written)
     assert ("model.together", "1") in wrong
+
+
+def test_no_statistic_follows_the_order_of_texts(written):
+    kinds = np.arange(200) * 7 % 3
+    peak = np.where(LOADS < 0.05, np.nan, LOADS * (1 + LENGTHS) * np.array([1.0, 2.0, 0.5])[kinds])
+    text = f"""{STUDY.replace("deflection", "peak")}{DESIGN}independent = true
+[outputs.peak]
+exceeds = ["0.8"]
+"""
+    trees = []
+    for soils in (["clay", "sand", "peat"], ["sand", "peat", "clay"]):
+        columns = {"load": LOADS, "length": LENGTHS, "soil": np.array(soils)[kinds], "peak": peak}
+        trees.append(uqpen.run(written(text, pd.DataFrame(columns).to_csv(index=False))))
+    for group in ("statistics/given/peak", "failures/given"):
+        for name, array in trees[0][group].to_dataset(inherit=False).variables.items():
+            same = trees[1][group].to_dataset(inherit=False).variables[name]
+            if array.dtype.kind == "f":
+                np.testing.assert_allclose(array, same, rtol=1e-9, atol=1e-12, err_msg=name)
+            else:
+                assert np.array_equal(array, same), name
+    found = SourceStatistics(trees[0]).statistics("given", "peak")
+    # An index is what the means of the texts explain; a correlation with codes is none.
+    completed = pd.DataFrame({"soil": kinds, "peak": peak}).dropna()
+    groups = completed.groupby("soil")["peak"]
+    left = (groups.var() * groups.size()).sum() / len(completed)
+    share = 1 - left / completed["peak"].var()
+    index = found["first_order"].sel(input="soil", bound="estimate").item()
+    assert index == pytest.approx(share, abs=1e-12)
+    for name in ("spearman", "partial"):
+        assert np.isnan(found[name].sel(input="soil")).all()
+        assert texts.CODES_WITHOUT_ORDER in np.ravel(found[name].coords["note"].values)
+    assert found["delta"].sel(input="soil", bound="estimate") > 0.2
 
 
 COLUMNS = """

@@ -123,9 +123,9 @@ def test_a_data_file_gives_its_columns_and_claims_nothing_of_its_points(command_
         "outputs": ["peak", "bend"],  # an input has no blank; the last column
         "ignore": ["note", "sag"],
         "columns": {"column_2nd": "2nd [m]"},
-        "units": {"span": "1"},
+        "together": True,
     }
-    assert content["designs"] == {"runs": {"kind": "data"}}
+    assert content["surrogates"] == {"cheap": {"kind": "gaussian-process", "design": "data"}}
     text = Path("study.toml").read_text(encoding="utf-8")
     for comment in (
         'inputs = ["load", "span", "column_2nd"]',
@@ -138,9 +138,10 @@ def test_a_data_file_gives_its_columns_and_claims_nothing_of_its_points(command_
         assert f"\n# {comment}\n" in text
     assert "the study is right" in command_line("check", "study.toml").out
     # What stands in comments is right, too.
-    for line in ("[inputs]", "load = ", "span = ", "column_2nd = ", "independent = true"):
+    lines = ("[inputs]", "load = ", "span = ", "column_2nd = ", "independent = true")
+    for line in (*lines, "[model.units]", "span = ", "[designs.data]", 'kind = "data"'):
         text = text.replace(f"# {line}", line)
-    assert parse_study(text, folder=tmp_path).designs["runs"].sampling.is_sample
+    assert parse_study(text, folder=tmp_path).designs["data"].sampling.is_sample
 
 
 def test_a_table_of_a_spreadsheet_gives_its_headings_and_outputs(command_line, tmp_path):

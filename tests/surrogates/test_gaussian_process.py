@@ -14,6 +14,7 @@ from uqpen.surrogates.fitting import fit_surrogate
 from uqpen.surrogates.gaussian_process import GaussianProcess, LeftOutErrors
 from uqpen.surrogates.gaussian_process_fit import (
     ConditionedProcess,
+    GaussianProcessFit,
     Parameters,
     ProcessData,
     StandardisedInputs,
@@ -210,6 +211,28 @@ def test_a_lognormal_input_is_taken_by_its_logarithm():
     assert coordinates.std(axis=0) == pytest.approx([1, 1])
     raw = np.column_stack([np.log(points[:, 0]), points[:, 1]])
     assert coordinates == pytest.approx((raw - raw.mean(axis=0)) / raw.std(axis=0))
+
+
+@pytest.mark.parametrize("trend", ["constant", "linear"])
+def test_all_labels_are_equally_far_from_each_other(trend):
+    rng = np.random.default_rng(3)
+    x, code = rng.random(60), np.arange(60) % 4
+    values = (1 + x**2) * np.array([1.0, 3.0, -1.0, 2.0])[code]
+    predictions = []
+    for order in ([0, 1, 2, 3], [2, 0, 3, 1]):
+        points = np.column_stack([np.array(order)[code], x])
+        inputs = StandardisedInputs.of_runs([UNIT] * 2, points, [4, 0])
+        coordinates = inputs.coordinates(points)[:, 1:]
+        distances = cdist(coordinates, coordinates)
+        np.testing.assert_allclose(distances, code[:, None] != code, atol=1e-12)
+        surrogate = GaussianProcess(design="lhs", trend=trend)
+        fit = surrogate.fit_values(inputs, points, values, np.random.default_rng(1))
+        again = GaussianProcessFit.from_dataset(fit.to_dataset())
+        at = np.column_stack([order, np.full(4, 0.5)])
+        predictions.append(again.predict(at))
+    np.testing.assert_allclose(predictions[0].mean, [1.25, 3.75, -1.25, 2.5], rtol=0.01)
+    np.testing.assert_allclose(predictions[0].mean, predictions[1].mean, rtol=1e-4)
+    np.testing.assert_allclose(predictions[0].std, predictions[1].std, rtol=1e-2)
 
 
 @pytest.mark.parametrize(

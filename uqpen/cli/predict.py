@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -85,9 +86,10 @@ def predict(
     """Predict outputs at POINTS by the surrogate NAME of ARCHIVE; no model is run.
 
     POINTS is a CSV file with a column "name [unit]" for each input, or a NetCDF file with a
-    variable for each. The predictions follow as further columns, in the units of the study. An
-    output with dimensions has a row for each of its places. The column "extrapolated" names the
-    inputs that are outside of the training range. Without -o, the table goes to standard output.
+    variable for each. An input of texts has them there, too. The predictions follow as further
+    columns, in the units of the study. An output with dimensions has a row for each of its places.
+    The column "extrapolated" names the inputs that are outside of the training range. Without -o,
+    the table goes to standard output.
     A NetCDF file has all dimensions, in SI units.
     """
     from uqpen.archive.read import open_archive
@@ -102,7 +104,14 @@ def predict(
         raise UnknownNameError(f"{surrogate}: expected ARCHIVE.nc:NAME")
     found = open_surrogate(open_archive(archive[0]), *archive, folder, trust=trust)
     known = {variable.name for variable in found.inputs}
-    columns = read_columns(points).columns
+    # A heading of the data file that the runs come from is the title of an input.
+    names = {each.title: each.name for each in found.inputs} | {name: name for name in known}
+    labels = {each.name: each.labels for each in found.inputs}
+    texts = {heading: labels[name] for heading, name in names.items()}
+    columns = tuple(
+        replace(each, name=names.get(each.name, each.name))
+        for each in read_columns(points, texts).columns
+    )
     taken = [column for column in columns if column.name in known]
     if ignored := [column.name for column in columns if column.name not in known]:
         show_message(f"columns that are no input: {', '.join(ignored)}")

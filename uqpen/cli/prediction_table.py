@@ -35,7 +35,13 @@ def prediction_parts(
     fields along the same dimensions. No part has more than 65 536 points, whose `values` are in SI
     units.
     """
-    given = {column.heading: column.load() for column in columns}
+    labels = {each.name: np.array(each.labels, dtype=object) for each in found.inputs}
+    given = {
+        column.heading: labels[column.name][column.load().astype(int)]
+        if labels[column.name].size
+        else column.load()
+        for column in columns
+    }
     groups = sorted({output.dims: None for output in found.outputs}, key=len)
     names: dict[str, None] = {}
     for dims in groups:

@@ -195,6 +195,8 @@ DROPPED_ROWS = "dropped_rows"
 DISTANT_VALUES = "distant_values"
 # The codes of inputs that are texts in a data file.
 CODED_INPUTS = "coded_inputs"
+# The texts of such an input, in the order of its codes.
+CODE_LABELS = "code_labels"
 # How they contradict the independence that the study states, and distributions.
 CONTRADICTION = "contradicted_inputs"
 CONTRADICTED_DISTRIBUTIONS = "contradicted_distributions"

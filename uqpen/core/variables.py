@@ -97,10 +97,21 @@ class Input(Variable):
         Its value in SI units where a study does not give it.
     bounds : Bounds
         Its possible values; a run outside is inadmissible.
+    labels : tuple of str
+        The texts that its values 0, 1, … stand for, which have no order; empty for a number.
     """
 
     default: float | None = None
     bounds: Bounds = field(default_factory=Bounds)
+    labels: tuple[str, ...] = ()
+
+    @property
+    def unordered_labels(self) -> int:
+        """Number of its labels where their order matters to polynomials and distances, else 0.
+
+        Two labels are the same in either order, but for a sign.
+        """
+        return len(self.labels) if len(self.labels) > 2 else 0
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ import scipy
 
 from uqpen.core.arrays import Arrays, FloatArray
 from uqpen.core.files import FileSnapshot
-from uqpen.core.labels import DEPENDENCE, ROLE, RUN
+from uqpen.core.labels import CODE_LABELS, DEPENDENCE, ROLE, RUN
 from uqpen.core.model import Input
 from uqpen.distributions.copulas import Dependence
 from uqpen.distributions.distribution import OPEN_INTERVAL, Distribution, UnloadedDistribution
@@ -213,6 +213,7 @@ def points_dataset(
             "units": variable.unit,
             "display_units": variable.preferred_unit,
             **fits.get(name, {}),
+            **({CODE_LABELS: list(variable.labels)} if variable.labels else {}),
         }
         if name in values:
             variables[name] = (RUN, values[name], attributes)
@@ -270,7 +271,8 @@ def largest_correlation(
     Its probability is that of the largest among all pairs (Bonferroni). None where the study states
     a dependence, or fewer than two inputs vary.
     """
-    names = [entry.variable.name for entry in joint.random]
+    # Codes of texts have no order.
+    names = [entry.variable.name for entry in joint.random if not entry.variable.labels]
     names = [name for name in names if name in points and np.ptp(points[name]) > 0]
     runs = len(points[names[0]]) if names else 0
     if not joint.is_independent or len(names) < 2 or runs < 3:

@@ -19,6 +19,7 @@ from uqpen.core.catalogue import DIMENSIONS, UNLISTED_DIMENSIONS
 from uqpen.core.labels import (
     BOUND,
     BOUNDS,
+    CODE_LABELS,
     DECISION,
     DIFFERENCES,
     EQUIVALENT_RUNS,
@@ -335,6 +336,10 @@ def _variable_columns(
 ) -> Iterator[tuple[str, np.ndarray]]:
     """Yield the columns of an input or an output with their headings."""
     name = str(variable.name)
+    if CODE_LABELS in variable.attrs and not si:
+        words = np.array(np.atleast_1d(variable.attrs[CODE_LABELS]), dtype=object)
+        yield name, np.broadcast_to(words[np.asarray(variable.values).astype(int)], size)
+        return
     if "flag_values" in variable.attrs:
         labels = category_labels(variable)
         kinds = zip(variable.values.tolist(), completed, strict=True)

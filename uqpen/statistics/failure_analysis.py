@@ -54,7 +54,12 @@ def failure_analysis(sample: Sample) -> Iterator[tuple[str, xr.DataArray]]:
         ("larger", "is larger", columns),
         ("further_out", "lies further from its median", distances),
     ):
-        estimates = [_superiority_probability(sample, values, is_failed) for values in measured]
+        estimates = [
+            Estimate.without_bounds(math.nan, texts.CODES_WITHOUT_ORDER)
+            if sample.columns.is_coded(number)
+            else _superiority_probability(sample, values, is_failed)
+            for number, values in enumerate(measured)
+        ]
         long_name = texts.LARGER_IF_FAILED.format(is_larger=what)
         yield name, input_array(estimates, sample.inputs, long_name, level=sample.level)
     for name, end in (("lowest", np.min), ("highest", np.max)):

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 from uqpen.core.blocks import BlockedRuns
-from uqpen.core.labels import ROLE, RUN
+from uqpen.core.labels import CODE_LABELS, ROLE, RUN
 
 # Order of the values of a column: it is sorted once, and ranks follow from it.
 
@@ -151,6 +151,7 @@ class InputColumns:
     size: int  # number of points
     # Returns the values of an input by name, shape (point,).
     read: Callable[[str], npt.NDArray[np.float64]]
+    coded: frozenset[str] = frozenset()  # those whose values are codes of texts, without an order
 
     @classmethod
     def from_runs(cls, runs: BlockedRuns) -> InputColumns:
@@ -161,7 +162,12 @@ class InputColumns:
             for name in runs.template.data_vars
             if variables[name].attrs.get(ROLE) == "input" and variables[name].dims == (RUN,)
         ]
-        return cls(tuple(names), runs.size, runs.column)
+        coded = frozenset(name for name in names if CODE_LABELS in variables[name].attrs)
+        return cls(tuple(names), runs.size, runs.column, coded)
+
+    def is_coded(self, number: int) -> bool:
+        """Return True if the values of an input are codes of texts, which have no order."""
+        return self.names[number] in self.coded
 
     @classmethod
     def from_matrix(cls, names: tuple[str, ...], points: FloatArray) -> InputColumns:

@@ -200,6 +200,7 @@ MISSING_RUNS = "allows for any outcome of the missing runs ({runs})"
 # Reasons from a lack of variation or scatter.
 CONSTANT_OUTPUT = "the output does not vary"
 CONSTANT_INPUT = "the input does not vary"
+CODES_WITHOUT_ORDER = "its texts are coded, and the codes have no order"
 CONSTANT_EVENT = "the event occurs in all runs or in none"
 CONSTANT_AT_DRAWS = "it is the same at all draws"
 NO_SCATTER_OF_STRATA = "the stratified points show no scatter, so the error is unknown"

@@ -168,7 +168,14 @@ def _read_file(table: TableReader, declared: _Declaration) -> DataModel | None:
     content = (table.document.objects or {}).get(table.path)
     file = data_file(path, content) if isinstance(content, bytes) else read_data_file(path)
     noted = len(table.problems)
+    given = [each.name for each in file.columns]
     file = _renamed(table, file, declared.headings)
+    # What the file calls the columns that have other names in the study.
+    titles = {
+        each.name: name
+        for name, each in zip(given, file.columns, strict=True)
+        if name not in (each.name, each.name.replace("_", " "))
+    }
     if declared.missing:
         cleaned = tuple(each.without(declared.missing) for each in file.columns)
         file = replace(file, columns=cleaned)
@@ -193,12 +200,13 @@ def _read_file(table: TableReader, declared: _Declaration) -> DataModel | None:
         if labels[name]
     )
     coded = "; ".join(codes)
-    inputs = tuple(Input(name, si_unit(units[name]), display_unit=units[name]) for name in names)
+    described = {
+        name: (name, si_unit(unit), titles.get(name, ""), unit) for name, unit in units.items()
+    }
+    inputs = tuple(Input(*described[name], labels=labels[name]) for name in names)
     outputs = tuple(
         Output(
-            name,
-            si_unit(units[name]),
-            display_unit=units[name],
+            *described[name],
             categories=tuple(
                 Category(re.sub(r"\W+", "_", label) + f"_{code}", label)
                 for code, label in enumerate(labels[name])
@@ -223,7 +231,7 @@ def _read_file(table: TableReader, declared: _Declaration) -> DataModel | None:
         coordinates=data_coordinates(file, (*inputs, *outputs)),
         dropped=dropped,
         distant=tuple(f"{name}: {text}" for name, text in alone if text),
-        coded=coded and f"texts are coded, also for what needs numbers: {coded}",
+        coded=coded and f"texts have codes, and no number follows their order: {coded}",
         together=declared.together,
         treatment=treatment,
     )

@@ -467,6 +467,10 @@ def _read_distribution(table: TableReader, variable: Input, family: str) -> Rand
     """Read a random input with a built-in distribution, or a user-defined one if it is trusted."""
     distribution: Distribution | None
     files: Files = ()
+    parameters = ", ".join(f"{name} {value}" for name, value in table.content.items())
+    if variable.labels and isinstance(values := table.content.get("values"), list):
+        codes = [variable.labels.index(x) if x in variable.labels else x for x in values]
+        table = replace(table, content={**table.content, "values": codes})
     if family in DISTRIBUTIONS:
         distribution = table.whole_settings(resolve(DISTRIBUTIONS[family]), like=variable.unit)
     elif is_reference(family) and not table.trust:
@@ -481,7 +485,6 @@ def _read_distribution(table: TableReader, variable: Input, family: str) -> Rand
         with suppress(QuantityError):
             unit = parse_quantity(value, variable.unit).unit
             break
-    parameters = ", ".join(f"{name} {value}" for name, value in table.content.items())
     return RandomInput(variable, distribution, unit, f"{family}: {parameters}", files=files)
 
 

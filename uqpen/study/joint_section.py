@@ -96,9 +96,15 @@ def read_groups(table: TableReader, model: Model, given: TableReader) -> Groups:
             groups.append(group)
             entries |= _entries(group, units, model)
     if isinstance(model, DataModel) and model.together:
-        left = [each for each in model.inputs if each.name not in {*given, *owners}]
         weights = model.coordinates.get(WEIGHT, np.ones(model.runs))
-        if left and np.count_nonzero(weights) > 1:
+        # One that is the same in all rows is no random input.
+        left = [
+            each
+            for each in model.inputs
+            if each.name not in {*given, *owners}
+            and np.ptp(model.points[each.name][weights > 0]) > 0
+        ]
+        if left:
             rows = np.column_stack([model.points[each.name] for each in left])
             of_file = tuple(each.name for each in left)
             of_rows = SampleDistribution(of_file, rows, weights, model.name, model.file)

@@ -130,7 +130,7 @@ def head_lines(file: str, title: str, unknown: str) -> Iterator[str]:
     yield f"# Lines with {FILL_IN} need what only you know: {unknown}."
     yield f"# Then:  uqpen check {file}   and   uqpen study {file}"
     yield ""
-    yield f"title = {toml_text(title)}"
+    yield f"title = {toml_text(title)}" if title else line('# title = "…"', "else the file's name")
     yield line("seed = 1", "of all random numbers")
     yield ""
 
@@ -366,6 +366,9 @@ _NUMBERING = frozenset({"run", "id", "no", "nr", "number", "index", "case", "sam
 # Rows that tell whether a column follows from others, for each of these columns, and at most. The
 # ranks of inputs that are drawn together share less of their variance.
 _FEWEST_RANKED, _MOST_RANKED, _SHARE_OF_OUTPUT = 10, 10_000, 0.3
+# Rows beyond which a Gaussian process takes minutes, and those that it takes at most.
+_MANY_FOR_PROCESS, _MOST_FOR_PROCESS = 600, 2000
+_LONGEST_LINE = 100
 
 
 @dataclass(frozen=True)
@@ -386,9 +389,9 @@ class DataDraft:
 
     def text(self, file: str) -> str:
         """Return the text of a study file of this name; `uqpen check` accepts it as it is."""
-        head = head_lines(file, Path(self.reference).stem, "which columns are outputs, units")
+        head = head_lines(file, "", "which columns are outputs")
         parts = [*self._model(), *self._inputs(), *self._outputs(), *self._design()]
-        return "\n".join([*head, *parts, *surrogate_lines("runs")]) + "\n"
+        return "\n".join([*head, *parts, *self._surrogate()]) + "\n"
 
     def _model(self) -> Iterator[str]:
         yield "[model]"
@@ -406,22 +409,24 @@ class DataDraft:
             yield from (f"# {toml_text(name)} {why}" for name, why in self.ignored.items())
             yield f"ignore = {_list(self.ignored)}"
         yield from (f"# The column {name}: {_MEANINGS[name]}." for name in self.others)
+        yield "# Inputs that [inputs] does not state are distributed as in this file, rows whole."
+        yield "together = true"
+        named = [f"{name} = {toml_text(text)}" for name, text in self.headings.items()]
+        inline = f"columns = {{ {', '.join(named)} }}"
+        is_short = len(inline) <= _LONGEST_LINE
+        if named:
+            yield "# The headings in the file, by the names of this study."
+            yield from [inline] if is_short else ["", "[model.columns]", *named]
         yield ""
-        if self.headings:
-            yield line("[model.columns]", "headings in the file, by the names of this study")
-            yield from (f"{name} = {toml_text(text)}" for name, text in self.headings.items())
-            yield ""
         variables = (*self.inputs, *self.outputs)
         if bare := [each.name for each in variables if not (each.unit or each.labels)]:
-            yield line("[model.units]", "of columns without a unit in their heading")
-            yield from (
-                line(f'{name} = "{DIMENSIONLESS}"', f"{FILL_IN}: its unit") for name in bare
-            )
+            yield line("# [model.units]", "of columns without a unit in their heading")
+            yield from (f'# {name} = "{DIMENSIONLESS}"' for name in bare)
             yield ""
 
     def _inputs(self) -> Iterator[str]:
-        yield "# How the inputs are distributed, if it is known: a surrogate needs it; the points"
-        yield "# are compared with it. The ends are those of the points."
+        yield "# How the inputs are distributed, if it is known; the points are compared with it."
+        yield "# The ends are those of the points."
         yield "# [inputs]"
         yield from (f"# {each.name} = {_range(each)}" for each in self.inputs)
         yield ""
@@ -430,21 +435,33 @@ class DataDraft:
         for each in self.outputs:
             if each.labels:
                 continue
-            yield f"[outputs.{each.name}]"
+            yield f"# [outputs.{each.name}]"
             limit = toml_text(f"3 {each.unit or DIMENSIONLESS}")
             yield line(f"# exceeds = [{limit}]", "the probability that it exceeds a limit")
             yield "# quantiles = [0.05, 0.5, 0.95]"
             yield ""
 
     def _design(self) -> Iterator[str]:
-        yield "[designs.runs]"
-        yield 'kind = "data"'
+        yield "# [designs.data]"
+        yield '# kind = "data"'
         yield "# The next line claims that the points are independent draws from the distribution"
         yield "# of interest. Intervals rest on that, so there are none without it. Points of an"
         yield "# optimisation, a parameter study or a Markov chain are not such draws."
         yield "# independent = true"
         yield line('# follows = "latin-hypercube"', "or, in its place, the design that drew them")
         yield ""
+
+    def _surrogate(self) -> Iterator[str]:
+        is_unordered = any(len(each.labels) > 2 for each in self.inputs)
+        if self.rows > (_MOST_FOR_PROCESS if is_unordered else _MANY_FOR_PROCESS):
+            lines = surrogate_lines("data")
+            yield from lines if is_unordered else (each.removeprefix("# ") for each in lines)
+            return
+        yield "# A cheap model, fitted to these runs. It predicts other points, with a deviation:"
+        yield "# uqpen predict ARCHIVE POINTS"
+        yield "[surrogates.cheap]"
+        yield 'kind = "gaussian-process"'
+        yield 'design = "data"'
 
 
 def data_draft(path: Path, reference: str) -> DataDraft:
@@ -571,7 +588,7 @@ def _is_whole(column: DataColumn) -> bool:
 def _range(column: DataColumn) -> str:
     """Return the uniform distribution between the smallest and the largest value of a column."""
     if column.labels:
-        values = ", ".join(map(str, range(len(column.labels))))
+        values = ", ".join(map(toml_text, column.labels))
         return f"{{ discrete = {{ values = [{values}] }} }}"
     unit = "" if column.unit in ("", DIMENSIONLESS) else f" {column.unit}"
     lower, upper = (

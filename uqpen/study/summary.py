@@ -45,6 +45,9 @@ def input_rows(study: ValidatedStudy) -> Rows:
         for variable in study.model.inputs:
             if variable.name in stated:
                 continue
+            if variable.labels:
+                rows.append((variable.name, f"{', '.join(variable.labels)} in {study.model.name}"))
+                continue
             points = study.model.points[variable.name]
             values = scale(variable.preferred_unit).from_si(points)
             unit = "" if variable.preferred_unit == DIMENSIONLESS else f" {variable.preferred_unit}"

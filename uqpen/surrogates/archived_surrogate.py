@@ -12,8 +12,15 @@ import xarray as xr
 
 from uqpen.archive.read import group_names, model_trees, read_group
 from uqpen.core.arrays import FloatArray
-from uqpen.core.errors import ArchiveError, ModelError, QuantityError, UnknownNameError, UqpenError
-from uqpen.core.labels import INPUT, RUN, RUNS, STATUS
+from uqpen.core.errors import (
+    ArchiveError,
+    ModelError,
+    QuantityError,
+    UnknownNameError,
+    UqpenError,
+    toml_text,
+)
+from uqpen.core.labels import CODE_LABELS, INPUT, RUN, RUNS, STATUS
 from uqpen.core.labels import SURROGATES as GROUP
 from uqpen.core.lookup import choices, installed_members, load_installed, resolve_name
 from uqpen.core.model import Input, Model, Output, find_variable
@@ -55,6 +62,9 @@ def input_array(variable: Input, given: Any) -> xr.DataArray:
         raise QuantityError(f"{variable.name} = {error.found}", error.expected) from None
     if not np.isfinite(values.values).all():
         raise QuantityError(f"{variable.name} with values that are not finite", "finite numbers")
+    if variable.labels and not np.isin(values.values, range(len(variable.labels))).all():
+        expected = f"texts of {', '.join(variable.labels)}, or their numbers from 0"
+        raise QuantityError(f"{variable.name} with a number that stands for no text", expected)
     attributes = {"units": variable.unit, "display_units": variable.preferred_unit}
     return values.drop_attrs().assign_attrs(long_name=variable.title, **attributes)
 
@@ -65,10 +75,21 @@ def _numbers(given: Any, variable: Input) -> FloatArray:
     if values.dtype.kind in "iuf":
         return values.astype(np.float64)
     flat = [
-        each if type(each) in (int, float) else parse_quantity(each, variable.unit).value
+        each
+        if type(each) in (int, float)
+        else label_code(variable, each)
+        if variable.labels
+        else parse_quantity(each, variable.unit).value
         for each in np.asarray(given, dtype=object).ravel().tolist()
     ]
     return np.array(flat, dtype=np.float64).reshape(values.shape)
+
+
+def label_code(variable: Input, label: object) -> float:
+    """Return the code of a text that an input with labels may have; QuantityError for another."""
+    if label in variable.labels:
+        return float(variable.labels.index(str(label)))
+    raise QuantityError(toml_text(label), f"one of {', '.join(variable.labels)}")
 
 
 def broadcast_inputs(given: Mapping[str, xr.DataArray]) -> dict[str, xr.DataArray]:
@@ -184,7 +205,8 @@ class ArchivedSurrogate:
         Parameters
         ----------
         **values
-            The inputs: each a quantity such as ``"10 kN"``, a number in SI units, a sequence of
+            The inputs: each a quantity such as ``"10 kN"``, one of its texts where a data file has
+            texts of it, a number in SI units, a sequence of
             either with a value for each point, or a DataArray. DataArrays are broadcast by their
             dimensions, and are in the unit of their attribute ``units``, by default in SI units.
             An input that did not vary in the training runs may be left out.
@@ -270,6 +292,8 @@ class ArchivedSurrogate:
     def _range_text(self, variable: Input) -> str:
         unit = variable.preferred_unit
         lower, upper = (scale(unit).from_si(end) for end in self.ranges[variable.name])
+        if variable.labels:
+            return f"{variable.name} {', '.join(variable.labels)}"
         return f"{variable.name} {lower:.4g} to {upper:.4g} {unit}".removesuffix(" 1")
 
     def _arrays(self, values: Mapping[str, Any]) -> dict[str, xr.DataArray]:
@@ -350,7 +374,7 @@ def archived_surrogate(
     completed = runs[STATUS].values == Status.OK
     return ArchivedSurrogate(
         fitted,
-        tuple(Input(each, *_texts(runs[each])) for each in inputs),
+        tuple(Input(each, *_texts(runs[each]), labels=_labels(runs[each])) for each in inputs),
         (
             *(
                 Output(output.name, *_texts(runs[output.name]), dims=output.dims)
@@ -378,6 +402,11 @@ def _texts(variable: xr.DataArray) -> tuple[str, str, str]:
     unit = str(variable.attrs["units"])
     shown = (str(variable.attrs.get(key, "")) for key in ("long_name", "display_units"))
     return unit, *shown  # type: ignore[return-value]
+
+
+def _labels(variable: xr.DataArray) -> tuple[str, ...]:
+    """Return the texts that the values of an input stand for; empty for a number."""
+    return tuple(map(str, np.atleast_1d(variable.attrs.get(CODE_LABELS, ()))))
 
 
 def _range(variable: xr.DataArray, completed: np.ndarray) -> tuple[float, float]:

@@ -17,7 +17,7 @@ from uqpen.core.settings import name
 from uqpen.core.streams import Stream
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.surrogates import SURROGATES
-from uqpen.surrogates.chaos.polynomial_chaos import PolynomialChaos
+from uqpen.surrogates.chaos.polynomial_chaos import PolynomialChaos, label_problem
 from uqpen.surrogates.diagnostics import (
     DIAGNOSTICS,
     Diagnostic,
@@ -347,10 +347,13 @@ def _candidates(
     surrogate: Surrogate, training: TrainingRuns, outputs: list[str]
 ) -> dict[str, Surrogate]:
     """Return the settings of each kind, all of them automatic."""
+    process = resolve(SURROGATES[_PROCESS])(design=surrogate.design)
+    if label_problem(training.joint):
+        return {_PROCESS: process}
     positive = [output for output in outputs if (training.outputs[output] > 0).all()]
     logarithm = PolynomialChaos(surrogate.design, transform=dict.fromkeys(positive, "log"))
     return {
         _EXPANSION: PolynomialChaos(surrogate.design),
         **({_LOGARITHM: logarithm} if positive else {}),
-        _PROCESS: resolve(SURROGATES[_PROCESS])(design=surrogate.design),
+        _PROCESS: process,
     }

@@ -111,6 +111,8 @@ _LINEAR = "linear"
 class GaussianProcess(Surrogate):
     """Gaussian process with Matérn correlations, and a length for each input.
 
+    Any two texts of an input are equally far from each other: their codes have no order.
+
     Parameters
     ----------
     design : str
@@ -118,7 +120,7 @@ class GaussianProcess(Surrogate):
     kernel : str
         ``"matern-5/2"`` for outputs that are smooth, ``"matern-3/2"`` for rougher ones.
     trend : str
-        ``"constant"``, or ``"linear"`` in all inputs.
+        ``"constant"``, or ``"linear"`` in all inputs but those of texts.
     nugget : float, optional
         Variance of the noise, as a share of that of the process; 0 for a process that goes
         through all runs, as near as rounding lets it. Without it, it is estimated.
@@ -150,6 +152,7 @@ class GaussianProcess(Surrogate):
     ) -> SeparateFits:
         """Fit every output that has numbers; see `Surrogate.fit`."""
         distributions = [entry.distribution for entry in joint.random]
+        labels = [entry.variable.unordered_labels for entry in joint.random]
 
         def fit_one(
             output: Output, points: FloatArray, values: FloatArray, rng: np.random.Generator
@@ -157,7 +160,7 @@ class GaussianProcess(Surrogate):
             is_logarithm = self.transform.get(output.name) == "log"
             if is_logarithm and (problem := logarithm_problem(values)):
                 return problem
-            inputs = StandardisedInputs.of_runs(distributions, points)
+            inputs = StandardisedInputs.of_runs(distributions, points, labels)
             return self.fit_values(inputs, points, values, rng, is_logarithm=is_logarithm)
 
         return fit_separately(self, fit_one, name, runs, model, joint, stream)
@@ -189,7 +192,8 @@ class GaussianProcess(Surrogate):
             The output, in its SI unit; positive if its logarithm is fitted.
         """
         coordinates = inputs.coordinates(points)
-        terms = trend_terms(coordinates, is_linear=self.trend == _LINEAR)
+        numbers = coordinates[:, : int((inputs.labels == 0).sum())]
+        terms = trend_terms(numbers, is_linear=self.trend == _LINEAR)
         if problem := self._runs_problem(coordinates, terms.shape[1]):
             return problem
         fitted = np.log(values) if is_logarithm else values
@@ -201,6 +205,7 @@ class GaussianProcess(Surrogate):
             trend=terms,
             smoothness=SMOOTHNESS[self.kernel],
             nugget=None if self.nugget is None else max(self.nugget, _LEAST_NUGGET),
+            length_numbers=inputs.length_numbers if inputs.labels.any() else None,
         )
         parameters = likeliest_parameters(data, rng)
         process = ConditionedProcess.of_runs(data, parameters)
@@ -210,12 +215,13 @@ class GaussianProcess(Surrogate):
                 f"its correlations are singular to rounding, with the nugget {parameters.nugget:g}"
             )
         factor = left_out.std_factor
+        lengths = parameters.lengths[inputs.length_numbers]
         return GaussianProcessFit(
             input_is_logarithm=inputs.is_logarithm,
             input_location=inputs.location,
             input_scale=inputs.scale,
-            points=coordinates / parameters.lengths,
-            lengths=parameters.lengths,
+            points=coordinates / lengths,
+            lengths=lengths,
             nugget=parameters.nugget,
             weights=process.weights,
             trend=process.coefficients,
@@ -226,6 +232,7 @@ class GaussianProcess(Surrogate):
             smoothness=data.smoothness,
             q2=left_out.q2(data.values),
             of_logarithm=int(is_logarithm),
+            input_labels=inputs.labels,
         )
 
     def _runs_problem(self, coordinates: FloatArray, terms: int) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from scipy import linalg, optimize
@@ -17,6 +17,9 @@ from uqpen.surrogates.diagnostics import Diagnostic
 from uqpen.surrogates.fitted_surrogate import Prediction
 from uqpen.surrogates.separate_fits import OutputFit
 
+if TYPE_CHECKING:
+    import xarray as xr
+
 # Matérn correlations, with a length for each input.
 #
 # References
@@ -26,6 +29,8 @@ from uqpen.surrogates.separate_fits import OutputFit
 
 # The smoothness ν of the correlations that can be chosen, by its name.
 SMOOTHNESS = {"matern-5/2": 2.5, "matern-3/2": 1.5}
+# Correlations that are computed together, so that they stay in the processor's cache.
+_IN_CACHE = 2**15
 
 
 def correlations(one: FloatArray, other: FloatArray, smoothness: float) -> FloatArray:
@@ -38,11 +43,19 @@ def correlations(one: FloatArray, other: FloatArray, smoothness: float) -> Float
     smoothness : float
         ν: 2.5 for processes with two derivatives, 1.5 with one.
     """
-    scaled = _scaled_distances(one, other, smoothness)
-    decay = np.exp(-scaled)
-    if smoothness == 1.5:
-        return (1 + scaled) * decay
-    return (1 + scaled + scaled**2 / 3) * decay
+    found = np.empty((len(one), len(other)))
+    rows = max(_IN_CACHE // max(len(other), 1), 1)
+    for start in range(0, len(one), rows):
+        part = found[start : start + rows]
+        scaled = _scaled_distances(one[start : start + rows], other, smoothness)
+        np.add(1, scaled, out=part)
+        if smoothness != 1.5:
+            np.multiply(scaled, scaled, out=(square := np.empty_like(scaled)))
+            square /= 3
+            part += square
+        np.negative(scaled, out=scaled)
+        part *= np.exp(scaled, out=scaled)
+    return found
 
 
 def correlations_and_slopes(points: FloatArray, smoothness: float) -> tuple[FloatArray, FloatArray]:
@@ -59,7 +72,9 @@ def correlations_and_slopes(points: FloatArray, smoothness: float) -> tuple[Floa
 
 
 def _scaled_distances(one: FloatArray, other: FloatArray, smoothness: float) -> FloatArray:
-    return np.sqrt(2 * smoothness) * cdist(one, other)
+    distances: FloatArray = cdist(one, other)
+    distances *= np.sqrt(2 * smoothness)
+    return distances
 
 
 # Standardised inputs: the coordinates in which a Gaussian process is stationary.
@@ -67,14 +82,21 @@ def _scaled_distances(one: FloatArray, other: FloatArray, smoothness: float) -> 
 
 @dataclass(frozen=True, eq=False)
 class StandardisedInputs:
-    """Map from the inputs to coordinates of mean 0 and variance 1 in the training runs."""
+    """Map from the inputs to coordinates of mean 0 and variance 1 in the training runs.
+
+    An input with labels has a coordinate for each of them instead, behind those of the others: so
+    two of its labels are as far from each other as any two.
+    """
 
     is_logarithm: IntArray  # (input,): 1 where the coordinate is of the input's logarithm
     location: FloatArray  # with scale: (input,): of the input, or of its logarithm
     scale: FloatArray
+    labels: IntArray  # (input,): number of its labels, or 0 for a number
 
     @classmethod
-    def of_runs(cls, distributions: Sequence[Distribution], points: FloatArray) -> Self:
+    def of_runs(
+        cls, distributions: Sequence[Distribution], points: FloatArray, labels: Sequence[int] = ()
+    ) -> Self:
         """Standardise the inputs of the training runs, or their logarithms where these are simpler.
 
         Parameters
@@ -83,22 +105,44 @@ class StandardisedInputs:
             One for each input.
         points : ndarray, shape (run, input)
             In SI units.
+        labels : sequence of int
+            The number of labels of each input; without any, all inputs are numbers.
         """
-        simpler = [each.logarithm() is not None for each in distributions]
-        count = len(simpler)
-        found = cls(np.array(simpler, dtype=np.int64), np.zeros(count), np.ones(count))
-        raw = found.coordinates(points)
+        coded = np.array(labels or [0] * len(distributions), dtype=np.int64)
+        simpler = np.array([each.logarithm() is not None for each in distributions], dtype=np.int64)
+        simpler[coded > 0] = 0
+        raw = _logarithms(points, simpler)
         # An input that is the same in all runs tells nothing, at whatever scale.
         spread = np.where(np.ptp(raw, axis=0) > 0, raw.std(axis=0), 1.0)
-        return cls(found.is_logarithm, raw.mean(axis=0), spread)
+        is_number = coded == 0
+        return cls(
+            simpler, np.where(is_number, raw.mean(axis=0), 0), np.where(is_number, spread, 1), coded
+        )
 
     def coordinates(self, points: FloatArray) -> FloatArray:
-        """Return the coordinates of points, shape (run, input); NaN without a logarithm."""
-        raw = np.array(points, dtype=np.float64)
-        columns = self.is_logarithm.astype(bool)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            raw[:, columns] = np.log(raw[:, columns])
-        return (raw - self.location) / self.scale
+        """Return the coordinates of points, shape (run, coordinate); NaN without a logarithm."""
+        every = (_logarithms(points, self.is_logarithm) - self.location) / self.scale
+        numbers = every[:, self.labels == 0]
+        # Half of the squared distance of two labels is from each.
+        coded = (
+            (every[:, [place]] == np.arange(self.labels[place])) / math.sqrt(2)
+            for place in np.flatnonzero(self.labels)
+        )
+        return np.hstack([numbers, *coded])
+
+    @property
+    def length_numbers(self) -> IntArray:
+        """Number of the length that each coordinate has, shape (coordinate,): one for an input."""
+        numbers, coded = np.flatnonzero(self.labels == 0), np.flatnonzero(self.labels)
+        return np.concatenate([numbers, np.repeat(coded, self.labels[coded])])
+
+
+def _logarithms(points: FloatArray, columns: IntArray) -> FloatArray:
+    """Return points with some columns as their logarithms; NaN where there is none."""
+    raw, chosen = np.array(points, dtype=np.float64), columns.astype(bool)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        raw[:, chosen] = np.log(raw[:, chosen])
+    return raw
 
 
 # Of a logarithm: a larger one has no lognormal deviation among floating-point numbers.
@@ -109,13 +153,14 @@ _LARGEST_DEVIATION = 15.0
 class GaussianProcessFit(OutputFit):
     """Gaussian process given the runs of an output, or of its logarithm."""
 
-    # With input_location, input_scale: (input,): map from the inputs to coordinates; see
-    # `StandardisedInputs`.
+    # With input_location, input_scale, input_labels: (input,): map from the inputs to coordinates;
+    # see `StandardisedInputs`.
     input_is_logarithm: IntArray
     input_location: FloatArray
     input_scale: FloatArray
-    points: FloatArray  # (run, input): coordinates of the training runs, in units of `lengths`
-    # (input,): correlation lengths, in standard deviations of the input over the training runs.
+    points: FloatArray  # (run, coordinate): those of the training runs, in units of `lengths`
+    # (coordinate,): correlation lengths, in standard deviations of the input over the training
+    # runs, or in distances of two labels.
     lengths: FloatArray
     nugget: float  # variance of the noise, as a share of that of the process
     weights: FloatArray  # (run,): factors of the correlations with the training runs in the mean
@@ -128,6 +173,20 @@ class GaussianProcessFit(OutputFit):
     smoothness: float  # that of the Matérn correlations
     q2: float  # share of the variance predicted at runs left out
     of_logarithm: int  # 1 where the process is of the logarithm
+    input_labels: IntArray
+
+    def to_dataset(self) -> xr.Dataset:
+        """Return its fields; see `OutputFit.to_dataset`. No labels are not written."""
+        found = super().to_dataset()
+        return found if self.input_labels.any() else found.drop_vars("input_labels")
+
+    @classmethod
+    def from_dataset(cls, dataset: xr.Dataset) -> Self:
+        """Restore it from `to_dataset`."""
+        if "input_labels" not in dataset:
+            none = np.zeros(dataset["input_scale"].shape, dtype=np.int64)
+            dataset = dataset.assign(input_labels=("input_labels_0", none))
+        return super().from_dataset(dataset)
 
     @property
     def is_of_logarithm(self) -> bool:
@@ -167,11 +226,14 @@ class GaussianProcessFit(OutputFit):
 
     def scaled_coordinates(self, points: FloatArray) -> FloatArray:
         """Return the coordinates of points in units of `lengths`, as `points` has them."""
-        inputs = StandardisedInputs(self.input_is_logarithm, self.input_location, self.input_scale)
+        inputs = StandardisedInputs(
+            self.input_is_logarithm, self.input_location, self.input_scale, self.input_labels
+        )
         return inputs.coordinates(points) / self.lengths
 
     def _terms(self, scaled: FloatArray) -> FloatArray:
-        return trend_terms(scaled * self.lengths, is_linear=len(self.trend) > 1)
+        numbers = int((self.input_labels == 0).sum())
+        return trend_terms((scaled * self.lengths)[:, :numbers], is_linear=len(self.trend) > 1)
 
     def _mean(self, kernel: FloatArray, terms: FloatArray) -> FloatArray:
         return self.centre + self.scale * (terms @ self.trend + kernel @ self.weights)
@@ -231,7 +293,7 @@ _SINGULAR = 1e10
 class Parameters:
     """Parameters that the correlations depend on."""
 
-    lengths: FloatArray  # (input,): in the units of the coordinates
+    lengths: FloatArray  # (length,): in the units of the coordinates
     nugget: float  # variance of the noise, as a share of that of the process
 
 
@@ -239,11 +301,19 @@ class Parameters:
 class ProcessData:
     """Runs that a Gaussian process is fitted to."""
 
-    points: FloatArray  # (run, input): coordinates of variance about 1
+    points: FloatArray  # (run, coordinate): of variance about 1
     values: FloatArray  # (run,): the output, of variance about 1
     trend: FloatArray  # (run, term): the terms of the trend at the points
     smoothness: float  # that of the Matérn correlations
     nugget: float | None = None  # A given nugget; None if it is estimated
+    # (coordinate,): the number of the length of each; None where each has its own.
+    length_numbers: IntArray | None = None
+
+    def scaled(self, lengths: FloatArray) -> FloatArray:
+        """Return the points in units of the lengths."""
+        return self.points / (
+            lengths if self.length_numbers is None else lengths[self.length_numbers]
+        )
 
     def part(self, runs: IntArray) -> ProcessData:
         """Return some of the runs."""
@@ -275,7 +345,7 @@ class ConditionedProcess:
             Between the runs without the nugget, if it is known. It is overwritten.
         """
         if correlation is None:
-            scaled = data.points / parameters.lengths
+            scaled = data.scaled(parameters.lengths)
             correlation = correlations(scaled, scaled, data.smoothness)
         correlation[np.diag_indices_from(correlation)] += parameters.nugget
         factor, fault = linalg.lapack.dpotrf(correlation.T, lower=True, overwrite_a=True)
@@ -308,14 +378,14 @@ def negative_log_likelihood(data: ProcessData, parameters: Parameters) -> tuple[
     Returns
     -------
     value : float
-    gradient : ndarray, shape (input + 1,)
+    gradient : ndarray, shape (length + 1,)
         In the logarithms of the lengths and of the nugget.
     """
-    scaled = data.points / parameters.lengths
+    scaled = data.scaled(parameters.lengths)
     correlation, slopes = correlations_and_slopes(scaled, data.smoothness)
     process = ConditionedProcess.of_runs(data, parameters, correlation)
     if process is None:
-        return _SINGULAR, np.zeros(scaled.shape[1] + 1)
+        return _SINGULAR, np.zeros(len(parameters.lengths) + 1)
     freedom = len(data.values) - data.trend.shape[1]
     value = freedom * math.log(process.variance) + process.log_determinants
     change = process.inverse
@@ -325,6 +395,8 @@ def negative_log_likelihood(data: ProcessData, parameters: Parameters) -> tuple[
     change *= slopes
     np.fill_diagonal(change, 0.0)
     by_length = 2 * (change.sum(axis=1) @ scaled**2 - (scaled * (change @ scaled)).sum(axis=0))
+    if data.length_numbers is not None:
+        by_length = np.bincount(data.length_numbers, by_length)
     return value, np.append(by_length, by_nugget)
 
 
@@ -334,6 +406,7 @@ def likeliest_parameters(data: ProcessData, rng: np.random.Generator) -> Paramet
     The search starts more than once, as a likelihood may have several maxima.
     """
     count, inputs = data.points.shape
+    inputs = inputs if data.length_numbers is None else int(data.length_numbers.max()) + 1
     is_large = count > FEW_RUNS
     some = data.part(rng.choice(count, FEW_RUNS, replace=False)) if is_large else data
     shifts = np.vstack([np.zeros(inputs), rng.uniform(-1, 1, (_STARTS - 1, inputs))])

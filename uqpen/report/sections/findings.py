@@ -463,9 +463,7 @@ def _input_alerts(view: ArchiveView, design: str) -> Iterator[Alert]:
     if distant := str(attributes.get(DISTANT_VALUES, "")):
         yield Alert("Values", f"{distant}.", "If they stand for none, name them in missing.")
     if coded := str(attributes.get(CODED_INPUTS, "")):
-        yield Alert(
-            "Codes", f"{coded}.", "Correlations and surrogates follow the order of these codes."
-        )
+        yield Alert("Codes", f"{coded}.", "The order of these codes has no part in any number.")
     agreement = str(attributes.get(AGREEMENT, ""))
     if agreement and CONTRADICTED_DISTRIBUTIONS not in attributes:
         yield Alert(

@@ -65,6 +65,7 @@ class ScoredInputs:
         if not joint.is_independent:
             return cls(joint.random, {}, texts.MOVED_ALONE)
         known = [each for each in joint.random if each.variable.name not in joint.unloaded]
+        known = [each for each in known if not each.variable.labels]
         scores = {each.variable.name: InputScores.of(each.distribution) for each in known}
         return cls(joint.random, scores)
 
@@ -75,7 +76,9 @@ class ScoredInputs:
     def _estimates(self, name: str, estimate: Estimator) -> SensitivityEstimates:
         scores = self.scores.get(name)
         if scores is None:
-            return SensitivityEstimates.without_values(self.dependence or texts.MOVED_TOGETHER)
+            labels = next(e.variable.labels for e in self.entries if e.variable.name == name)
+            reason = texts.CODES_WITHOUT_ORDER if labels else texts.MOVED_TOGETHER
+            return SensitivityEstimates.without_values(self.dependence or reason)
         return estimate(name, scores)
 
     @property

@@ -110,7 +110,7 @@ def correlations(
     ------
     name : str
         ``pearson``, ``spearman``; ``partial`` and ``partial_rank``: correlation of the residuals
-        of output and input after linear regression on the other inputs.
+        of output and input after linear regression on the other inputs, without codes of texts.
     estimate : DataArray
         Along ``input`` and ``bound``.
     """
@@ -163,6 +163,8 @@ class _CorrelatedColumns:
             for number, row in enumerate(columns[:-1]):
                 row[:] = self.sample.run_inputs[number]
             columns[-1] = self.shape.deviations
+        # A line along codes of texts would follow an order that they do not have.
+        columns[[*map(self.sample.columns.is_coded, range(len(columns) - 1)), False]] = 0.0
         for row in columns:
             _standardize(row)
         return columns
@@ -170,7 +172,9 @@ class _CorrelatedColumns:
     def correlations(self, *, is_partial: bool) -> list[Estimate]:
         """Estimate the correlation of the output with each input."""
         inputs = range(len(self.sample.inputs))
-        reasons = [reason_without_measure(self.sample, i, _FEWEST_RUNS) for i in inputs]
+        reasons = [
+            reason_without_measure(self.sample, i, _FEWEST_RUNS, needs_order=True) for i in inputs
+        ]
         weights: ResidualWeights | None = ResidualWeights.none(len(inputs))
         if is_partial and not all(reasons):
             weights = ResidualWeights.of(self.standardized)

@@ -59,10 +59,12 @@ def delta(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[str, x
 def _estimate(sample: Sample, cells: IntArray, column: int) -> Estimate:
     if reason := reason_without_measure(sample, column, _FEWEST_RUNS):
         return Estimate.without_bounds(math.nan, reason)
+    is_coded = sample.columns.is_coded(column)
     first_cells = sample.run_inputs.once(
-        ("cells of classes", column), lambda: _first_cells(sample.run_inputs.ordering(column))
+        ("cells of classes", column),
+        lambda: _first_cells(sample.run_inputs.ordering(column), is_coded=is_coded),
     )
-    counts = _counts(first_cells, cells)
+    counts = _counts(first_cells, cells, is_coded=is_coded)
     # Noise enlarges the distances. Resampling adds the same amount of noise once more.
     resampled = _distances(_resampled(counts)).mean()
     value = float(np.clip(2 * _distances(counts) - resampled, 0.0, 1.0))
@@ -81,20 +83,24 @@ def _score_cells(shares: FloatArray) -> IntArray:
     return np.clip(cells, 0, _CELLS - 1)
 
 
-def _first_cells(ordering: Ordering) -> npt.NDArray[np.int16]:
-    """Return where the cells of each run's class begin, the classes being of an input's ranks."""
+def _first_cells(ordering: Ordering, *, is_coded: bool) -> npt.NDArray[np.int16]:
+    """Return where the cells of each run's class begin: a range of ranks, or one coded text."""
+    if is_coded:
+        return (ordering.level * _CELLS).astype(np.int16)
     classes = _class_count(len(ordering.order))
     which = np.floor(_empirical_cdf(ordering) * classes)
     return (which * _CELLS).astype(np.int16)
 
 
-def _counts(first_cells: npt.NDArray[np.int16], cells: IntArray) -> FloatArray:
-    """Count the runs in each cell, a row for each class of the input's ranks."""
-    classes = _class_count(len(cells))
+def _counts(first_cells: npt.NDArray[np.int16], cells: IntArray, *, is_coded: bool) -> FloatArray:
+    """Count the runs in each cell, a row for each class of the input."""
+    classes = int(first_cells.max()) // _CELLS + 1
     # Equal values are in one class, so that some may be empty.
     counts = np.bincount(first_cells + cells, minlength=classes * _CELLS)
     table = counts.reshape(classes, _CELLS).astype(np.float64)
-    return table[table.sum(axis=1) > 0]
+    table = table[table.sum(axis=1) > 0]
+    # Classes of texts are resampled in an order that no renaming changes.
+    return table[np.lexsort(table.T)] if is_coded else table
 
 
 def _class_count(runs: int) -> int:

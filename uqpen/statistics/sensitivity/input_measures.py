@@ -168,7 +168,9 @@ def input_coordinate(inputs: Sequence[str]) -> dict[str, Any]:
     return {INPUT: (INPUT, np.array(inputs, dtype=object), {"long_name": "input"})}
 
 
-def reason_without_measure(sample: Sample, column: int, fewest: int) -> str:
+def reason_without_measure(
+    sample: Sample, column: int, fewest: int, *, needs_order: bool = False
+) -> str:
     """Reason why a measure of an input cannot be estimated from a sample; empty if it can.
 
     Parameters
@@ -179,7 +181,11 @@ def reason_without_measure(sample: Sample, column: int, fewest: int) -> str:
         The input, by its number in `Sample.inputs`.
     fewest : int
         Least number of runs for the measure.
+    needs_order : bool
+        Whether the measure follows the order of an input's values, which codes of texts lack.
     """
+    if needs_order and sample.columns.is_coded(column):
+        return texts.CODES_WITHOUT_ORDER
     if sample.size < fewest:
         return sample.too_few_runs
     return texts.CONSTANT_OUTPUT if sample.is_constant else reason_of_input(sample, column)

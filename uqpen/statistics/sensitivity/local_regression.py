@@ -35,6 +35,7 @@ class RegressionBins:
     # (run,): where in its bin each run lies: of mean 0 and sum of squares 1 in every bin, or 0 in a
     # bin that has too few runs for a slope.
     place: FloatArray
+    has_lines: bool = True  # false where each bin has the mean alone, as each of coded texts
 
     @classmethod
     def from_sample(cls, sample: Sample, column: int, *, halved: bool = False) -> RegressionBins:
@@ -53,6 +54,9 @@ class RegressionBins:
             True to cut the bins into two, where each half has runs enough for a line.
         """
         values, ordering = sample.columns[column], sample.columns.ordering(column)
+        if sample.columns.is_coded(column):  # no text is nearer to one than to another
+            label = np.unique(values[sample.used], return_inverse=True)[1].astype(np.int64)
+            return cls(label, np.zeros(label.shape), has_lines=False)
         rank = ordering.level.astype(np.int64)
         if ordering.is_above is not None:
             # A table may list runs in an order of the other inputs, and neighbours must be alike in
@@ -88,7 +92,8 @@ class RegressionBins:
     @cached_property
     def freedom(self) -> FloatArray:
         """Degrees of freedom of the residuals in each bin."""
-        return self.size - 1 - np.where(self.size >= _FEWEST_RUNS_FOR_A_SLOPE, 1.0, 0.0)
+        has_slope = self.has_lines & (self.size >= _FEWEST_RUNS_FOR_A_SLOPE)
+        return self.size - 1 - np.where(has_slope, 1.0, 0.0)
 
     @cached_property
     def scale(self) -> FloatArray:

@@ -129,7 +129,10 @@ class SalibAnalysis(ABC):
         if quantity.output.categories or not sample.inputs:
             return
         columns = range(len(sample.inputs))
-        reasons = [reason_without_measure(sample, column, self.fewest) for column in columns]
+        reasons = [
+            reason_without_measure(sample, column, self.fewest, needs_order=True)
+            for column in columns
+        ]
         used = [column for column in columns if not reasons[column]]
         refusal = self.refusal(sample, len(used))
         if self.independence_reason and sample.dependence:

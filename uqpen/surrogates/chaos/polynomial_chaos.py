@@ -45,6 +45,14 @@ _HIGHEST_ORDER_GIVEN = 50
 
 _UQPEN, _CHAOSPY = "uqpen", "chaospy"
 
+
+def label_problem(joint: JointDistribution) -> str:
+    """Return which inputs are texts without an order, so that none has polynomials."""
+    inputs = [each.variable for each in joint.random if each.variable.unordered_labels]
+    named = ", ".join(f"{each.name} ({len(each.labels)} texts)" for each in inputs)
+    return f"polynomials of {named}, whose codes have no order" if named else ""
+
+
 _FAILED_NODES = "least-squares, as nodes of its rule were lost"
 
 
@@ -116,6 +124,8 @@ class PolynomialChaos(Surrogate):
             found = f"polynomials of {', '.join(unknown)}"
             expected = "a joint distribution that a study file states, as an archive keeps it"
             yield Problem((), found, expected)
+        if unordered := label_problem(joint):
+            yield Problem((), unordered, 'kind = "gaussian-process", which needs no order')
         if self.engine == _CHAOSPY and joint.implicit_inputs:
             found = f'"{_CHAOSPY}" with {", ".join(joint.implicit_inputs)} of a joint distribution'
             yield Problem(("engine",), found, f'engine = "{_UQPEN}", whose polynomials it takes')
