@@ -88,7 +88,7 @@ def read_columns(path: Path, labels: Mapping[str, Sequence[str]] | None = None) 
     They are the variables along one dimension of a NetCDF file, which ends in ``.nc``. Anything
     else is read as CSV under a row of headings ``name [unit]``, or as the first sheet of an Excel
     file, which ends in ``.xlsx``. Columns with `labels` may have
-    these texts there, of which the positions are read.
+    these texts there; their positions are read.
 
     TableError if it is not there, or cannot be read.
     """
@@ -166,7 +166,7 @@ def _excel(path: Path, content: bytes) -> Iterator[tuple[int, list[str]]]:
 def _columns(
     path: Path, every: Iterator[tuple[int, list[str]]], labels: Mapping[str, Sequence[str]]
 ) -> tuple[Column, ...]:
-    """Return the columns of rows, the first of which has the headings."""
+    """Return the columns of rows; the headings stand in the first."""
     lines = ((line, row) for line, row in every if any(map(str.strip, row)))
     _, header = next(lines, (0, []))
     if not header:
