@@ -85,8 +85,11 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
-# A distribution that a study file has no name for: it is limits beside another.
-_TRUNCATED = {"truncated": "uqpen.distributions.univariate:Truncated"}
+# Distributions made of others, which a study file has by the keys beside or around these.
+_MADE_OF_OTHERS = {
+    "truncated": "uqpen.distributions.univariate:Truncated",
+    "mixture": "uqpen.distributions.univariate:Mixture",
+}
 
 # Imported when they are asked for, so that the command line starts at once.
 _HOMES: dict[str, Sequence[str]] = {
@@ -103,7 +106,7 @@ _HOMES: dict[str, Sequence[str]] = {
     "uqpen.study.load": ("parse_study",),
     "uqpen.study.python_study": ("OutputSpec", "PythonModel", "Study", "load_study"),
     "uqpen.surrogates.archived_surrogate": ("ExtrapolationWarning", "RefutationWarning"),
-    **member_homes(DESIGNS, DISTRIBUTIONS, _TRUNCATED, COPULAS, MODELS, SURROGATES),
+    **member_homes(DESIGNS, DISTRIBUTIONS, _MADE_OF_OTHERS, COPULAS, MODELS, SURROGATES),
 }
 _NAMES = sorted(name for names in _HOMES.values() for name in names)
 

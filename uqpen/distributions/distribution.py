@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -34,6 +35,9 @@ class Distribution(ABC):
     is_positive: ClassVar[bool] = False
     """True if all values are above 0, whatever its parameters."""
 
+    is_count: ClassVar[bool] = False
+    """True if its values are whole numbers without a unit."""
+
     unfitted_reason: ClassVar[str] = "its parameters have no estimate by maximum likelihood here"
     """Reason why it is not fitted to measurements; empty for a subclass that has `fit`."""
 
@@ -41,7 +45,7 @@ class Distribution(ABC):
         if "fit" in vars(cls):
             cls.unfitted_reason = ""
         # Far out, the formulas overflow on their way to 0, to 1 or to an end of the support.
-        for name in ("ppf", "isf", "cdf", "sf"):
+        for name in ("ppf", "isf", "cdf", "sf", "log_density"):
             if name in vars(cls):
                 setattr(cls, name, np.errstate(all="ignore")(vars(cls)[name]))
 
@@ -67,6 +71,13 @@ class Distribution(ABC):
     @abstractmethod
     def sf(self, value: FloatArray) -> FloatArray:
         """Survival function: the probability above a value."""
+
+    def log_density(self, value: FloatArray) -> FloatArray | None:
+        """Return the logarithm of the density, or of the probability of a value of a discrete one.
+
+        It is -inf where there is no probability. None if the density is not known.
+        """
+        return None
 
     def scores(self, value: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return two functions that span the scores of the parameters behind its mean and std.
@@ -121,6 +132,11 @@ class Distribution(ABC):
     def least_upper_tail(self) -> float:
         """Least probability above a value that it knows with eight digits; 0 for any."""
         return 0.0
+
+    @property
+    def highest_moment(self) -> float:
+        """Order from which on its moments are infinite; infinite where all are finite."""
+        return math.inf
 
     @property
     def median(self) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import importlib
 import inspect
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -71,6 +72,15 @@ class FrozenDistribution(Distribution):
             return self._probability(self.frozen.sf, value)
         return 1 - self.cdf(value)
 
+    def log_density(self, value: FloatArray) -> FloatArray | None:
+        measure = scale(self.unit)
+        own = measure.from_si(np.asarray(value))
+        if not self._is_scipy:
+            return np.asarray(np.log(self.frozen.pdf(own))) - math.log(measure.factor)
+        if self.is_discrete:
+            return np.asarray(self.frozen.logpmf(own))
+        return np.asarray(self.frozen.logpdf(own)) - math.log(measure.factor)
+
     def atoms(self) -> tuple[FloatArray, FloatArray] | None:
         """Return the whole numbers of a discrete distribution, and their probabilities."""
         if not self.is_discrete:
@@ -111,8 +121,8 @@ def frozen_distribution(
 ) -> FrozenDistribution:
     """Return a distribution by its name in one of `LIBRARIES` and its parameters.
 
-    LookupError if the library has no such continuous distribution; ValueError if it does not take
-    these parameters, or is not defined for them.
+    LookupError if the library has no such distribution of one variable; ValueError if it does not
+    take these parameters, or is not defined for them.
     """
     module = importlib.import_module(LIBRARIES[library])
     family: Any = getattr(module, name, None)
@@ -129,7 +139,7 @@ def frozen_distribution(
 
 
 def frozen_families(library: str) -> dict[str, Any]:
-    """Return the continuous distributions of one variable that a library has, by their names."""
+    """Return the distributions of one variable that a library has, by their names."""
     module = importlib.import_module(LIBRARIES[library])
     return {name: each for name, each in vars(module).items() if _is_family(library, module, each)}
 

@@ -20,7 +20,7 @@ import scipy
 
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.distributions.distribution import Distribution
-from uqpen.distributions.univariate import Beta, Gamma, Lognormal, Normal, Uniform
+from uqpen.distributions.univariate import Beta, Gamma, Lognormal, Mixture, Normal, Uniform
 
 # A distribution is integrated over z, where Φ(z) is the probability below. The range ends here,
 # where Φ(-z) is almost the smallest probability that a double can represent.
@@ -88,7 +88,14 @@ def recurrence(distribution: Distribution, order: int) -> Recurrence:
     with np.errstate(all="ignore"):
         if formula := _FORMULAS.get(type(distribution)):
             return formula(distribution, k)
-        return _stieltjes(*(distribution.atoms() or _distribution_nodes(distribution)), k)
+        if distribution.highest_moment <= 2:  # the sums take long, and lead to nothing
+            none = np.full_like(k, np.nan)
+            return Recurrence(none, none, distribution.median, 1.0)
+        found = _stieltjes(*_nodes(distribution), k)
+        # Coefficients of moments that are infinite, of which the sums have something all the same.
+        found.alpha[2 * k + 1 >= distribution.highest_moment] = np.nan
+        found.beta[2 * k >= distribution.highest_moment] = np.nan
+        return found
 
 
 def _hermite(distribution: Normal, k: FloatArray) -> Recurrence:
@@ -167,6 +174,16 @@ def _stieltjes(values: FloatArray, weights: FloatArray, k: FloatArray) -> Recurr
         now = following / norm
     beta[0] = 1.0
     return Recurrence(alpha, beta, location, scale)
+
+
+def _nodes(distribution: Distribution) -> tuple[FloatArray, FloatArray]:
+    """Return values and weights of a distribution; those of a mixture are those of its parts."""
+    if isinstance(distribution, Mixture):
+        found = [_nodes(part) for part in distribution.parts]
+        shares = zip(distribution.shares, found, strict=True)
+        weights = np.concatenate([share * weights for share, (_, weights) in shares])
+        return np.concatenate([values for values, _ in found]), weights
+    return distribution.atoms() or _distribution_nodes(distribution)
 
 
 def _distribution_nodes(distribution: Distribution) -> tuple[FloatArray, FloatArray]:

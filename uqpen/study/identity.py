@@ -22,7 +22,8 @@ from uqpen.core.lookup import class_version
 from uqpen.core.model import Model
 from uqpen.designs.design import RUNS, STATISTICS
 from uqpen.designs.repeated import each_point_once
-from uqpen.distributions.univariate import Truncated
+from uqpen.distributions.distribution import Distribution
+from uqpen.distributions.univariate import Mixture, Truncated
 from uqpen.models.python_function import PythonFunction
 from uqpen.models.surroundings import ModelFolder
 from uqpen.models.user_defined_model import UserDefinedModel
@@ -274,9 +275,19 @@ def _point_classes(study: ValidatedStudy, design: str) -> Iterator[tuple[str, ty
     if study.joint.dependence is not None:
         yield "dependence", type(study.joint.dependence)
     for entry in study.joint.random:
-        distribution = entry.distribution
-        distribution = distribution.parent if isinstance(distribution, Truncated) else distribution
-        yield f"distribution of {entry.variable.name}", type(distribution)
+        for part in _single_distributions(entry.distribution):
+            yield f"distribution of {entry.variable.name}", type(part)
+
+
+def _single_distributions(distribution: Distribution) -> Iterator[Distribution]:
+    """Yield the distributions of which one is made, or itself."""
+    if isinstance(distribution, Truncated):
+        yield from _single_distributions(distribution.parent)
+    elif isinstance(distribution, Mixture):
+        for part in distribution.parts:
+            yield from _single_distributions(part)
+    else:
+        yield distribution
 
 
 def _flatten_tables(table: dict[str, Any], *path: str) -> Iterator[tuple[str, str]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -39,7 +40,8 @@ from uqpen.distributions.measurements import (
     parameters_text,
     value_text,
 )
-from uqpen.distributions.univariate import Normal, Truncated
+from uqpen.distributions.stated import STATED, Stated, from_stated, is_stated
+from uqpen.distributions.univariate import Mixture, Normal, Truncated
 from uqpen.models.data.data_model import DataModel
 from uqpen.study.joint_section import Groups, Inputs
 from uqpen.study.table_reader import OBJECT, SETTINGS, TableReader, check_names, read_named_object
@@ -67,7 +69,7 @@ def read_frozen(table: TableReader, variable: Input, library: str) -> RandomInpu
     if library == OBJECT:
         return _read_object(table, variable)
     unit, noted = _unit(table, variable), len(table.problems)
-    name = table.text("name", f"the name of a continuous distribution of {LIBRARIES[library]}")
+    name = table.text("name", f"the name of a distribution of {LIBRARIES[library]}")
     parameters: dict[str, float] = {}
     for key in table:
         value = None if key in ("name", "unit") else table.take(key)
@@ -84,7 +86,7 @@ def read_frozen(table: TableReader, variable: Input, library: str) -> RandomInpu
     except LookupError:
         close = nearest(name, frozen_families(library))
         hint = f'; did you mean "{close}"?' if close else ""
-        expected = f"a continuous distribution of {LIBRARIES[library]}{hint}"
+        expected = f"a distribution of {LIBRARIES[library]}{hint}"
         table.add_wrong("name", name, expected)
     except ValueError as error:
         table.add_problem((), f"{_listing(parameters)}: {error}", f"parameters of {name}")
@@ -144,6 +146,8 @@ _LONGEST_FORM = 100
 _NAMING = ("distribution", "dist", "type", "kind", "family", "name")
 # The key that stands where the name of a distribution would.
 MEASURED = "measured"
+# The key of a list of distributions, and that of the probability of each.
+MIXTURE, _WEIGHT = "mixture", "weight"
 
 
 @dataclass(frozen=True)
@@ -265,7 +269,7 @@ def _fit(
 Entry = FixedInput | RandomInput
 
 # The ends of a truncated distribution, and their names in its description.
-_FAMILIES = (*DISTRIBUTIONS, MEASURED, *LIBRARIES)
+_FAMILIES = (*DISTRIBUTIONS, MIXTURE, MEASURED, *LIBRARIES)
 
 _LIMITS = {"lower": "at least", "upper": "at most"}
 
@@ -404,13 +408,16 @@ def _uniform(lower: float, upper: float, unit: str) -> str:
     return f"{{ uniform = {{ lower = {ends[0]}, upper = {ends[1]} }} }}"
 
 
-def _read_random_input(table: TableReader, variable: Input, stream: Stream) -> Entry | None:
+def _read_random_input(table: TableReader, variable: Input, stream: Stream) -> RandomInput | None:
     """Read a random input from ``{ family = { … }, lower = …, upper = … }``."""
     family = _family(table)
-    section = table.table(family) if family else None
-    if family is None or section is None or not section.is_given:
+    section = table.table(family) if family and family != MIXTURE else None
+    made: RandomInput | None
+    if family == MIXTURE:
+        made = _read_mixture(table, variable, stream)
+    elif family is None or section is None or not section.is_given:
         return None
-    if family == MEASURED:
+    elif family == MEASURED:
         made = _read_measured(section, variable, stream)
     elif family in _FROZEN:
         made = read_frozen(section, variable, family)
@@ -431,6 +438,42 @@ def _read_random_input(table: TableReader, variable: Input, stream: Stream) -> E
     if isinstance(made.distribution, UnloadedDistribution):
         return made
     return made if _is_usable(table, family, made.distribution) else None
+
+
+def _read_mixture(table: TableReader, variable: Input, stream: Stream) -> RandomInput | None:
+    """Read an input from ``{ mixture = [{ weight = 0.7, family = { … } }, …] }``."""
+    parts, weights, noted = list[RandomInput](), list[float](), len(table.problems)
+    for position, written in enumerate(table.entries(MIXTURE)):
+        place = (MIXTURE, position)
+        content = dict(written) if isinstance(written, dict) else {}
+        weight = content.pop(_WEIGHT, None)
+        if type(weight) not in (int, float) or not 0 < weight < np.inf:
+            example = "{ weight = 0.7, normal = { … } }"
+            found = "nothing" if weight is None else toml_text(weight)
+            table.add_problem((*place, _WEIGHT), found, f"a number above 0: {example}")
+        elif MEASURED in content:
+            expected = "measurements by themselves, or a distribution in their place"
+            table.add_problem((*place, MEASURED), "measurements in a mixture", expected)
+        elif part := _read_random_input(table.inside(content, *place), variable, stream):
+            parts.append(part)
+            weights.append(float(weight))
+    if len(table.problems) > noted:
+        return None
+    described = zip(weights, parts, strict=True)
+    text = ", ".join(f"{weight:g} {part.description}" for weight, part in described)
+    files = tuple(file for part in parts for file in part.files)
+    unit = parts[0].display_unit if parts else variable.preferred_unit
+    unloaded = [each.distribution for each in parts]
+    distribution: Distribution
+    if any(isinstance(each, UnloadedDistribution) for each in unloaded):
+        distribution = UnloadedDistribution(text)
+    else:
+        try:
+            distribution = Mixture(tuple(each.distribution for each in parts), tuple(weights))
+        except SettingsError as error:
+            table.add_problems(error.problems, MIXTURE)
+            return None
+    return RandomInput(variable, distribution, unit, f"mixture: {text}", files=files)
 
 
 def _family(table: TableReader) -> str | None:
@@ -472,7 +515,7 @@ def _read_distribution(table: TableReader, variable: Input, family: str) -> Rand
         codes = [variable.labels.index(x) if x in variable.labels else x for x in values]
         table = replace(table, content={**table.content, "values": codes})
     if family in DISTRIBUTIONS:
-        distribution = table.whole_settings(resolve(DISTRIBUTIONS[family]), like=variable.unit)
+        distribution = _read_family(table, variable, resolve(DISTRIBUTIONS[family]))
     elif is_reference(family) and not table.trust:
         distribution = UnloadedDistribution(family)
     else:
@@ -481,11 +524,48 @@ def _read_distribution(table: TableReader, variable: Input, family: str) -> Rand
         return None
     # The unit of the first parameter as it is written.
     unit = variable.preferred_unit
-    for value in filter(lambda each: isinstance(each, str), table.content.values()):
+    for value in _texts(list(table.content.values())):
         with suppress(QuantityError):
             unit = parse_quantity(value, variable.unit).unit
             break
+    if family in DISTRIBUTIONS and is_stated(type(distribution), table.content):
+        parameters += f"; so {parameters_text(distribution, unit)}"
     return RandomInput(variable, distribution, unit, f"{family}: {parameters}", files=files)
+
+
+def _texts(values: list[object]) -> Iterator[str]:
+    """Yield the texts among values, and in lists among them."""
+    for value in values:
+        if isinstance(value, str):
+            yield value
+        elif isinstance(value, list):
+            yield from _texts(value)
+
+
+def _read_family(
+    table: TableReader, variable: Input, family: type[Distribution]
+) -> Distribution | None:
+    """Read a built-in distribution: its parameters, or moments and quantiles in their place."""
+    noted = len(table.problems)
+    if family.is_count and not are_convertible(variable.unit, DIMENSIONLESS):
+        found = f"whole numbers, of an input in {variable.unit}"
+        expected = "an input without a unit; a discrete distribution has values with one"
+        table.add_problem((), found, expected)
+        return None
+    if not is_stated(family, table.content):
+        return table.whole_settings(family, like=variable.unit)
+    stated = table.settings(Stated, like=variable.unit)
+    names = [field.name for field, _ in declared_settings(family)]
+    values = table.setting_values(family, variable.unit, dict.fromkeys(names, 0.0)) or {}
+    table.check_unknown_keys()
+    if stated is None or len(table.problems) > noted or variable.unit is ANY_DIMENSION:
+        return None
+    kept = {name: values[name] for name in names if name in table and name not in STATED}
+    try:
+        return from_stated(family, stated, kept)
+    except SettingsError as error:
+        table.add_refused(error.problems)
+    return None
 
 
 def _is_usable(table: TableReader, key: str, distribution: Distribution) -> bool:

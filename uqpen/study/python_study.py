@@ -31,7 +31,7 @@ from uqpen.distributions.copulas import Dependence, EllipticalCopula
 from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.frozen import FrozenDistribution, as_frozen, declare, is_chaospy
 from uqpen.distributions.input_group import declare_joint, is_joint
-from uqpen.distributions.univariate import Truncated
+from uqpen.distributions.univariate import Mixture, Truncated
 from uqpen.models import MODELS
 from uqpen.models.function_source import function_source
 from uqpen.models.source import BuiltInModel
@@ -504,6 +504,10 @@ def _distribution_table(distribution: Distribution, folder: Path) -> dict[str, A
             **_distribution_table(distribution.parent, folder),
             **written_settings(distribution),
         }
+    if isinstance(distribution, Mixture):
+        shares = zip(distribution.shares, distribution.parts, strict=True)
+        parts = [{"weight": weight, **_distribution_table(each, folder)} for weight, each in shares]
+        return {"mixture": parts}
     if isinstance(distribution, FrozenDistribution):
         frozen = distribution.frozen
         library, parameters = declare(frozen) or (OBJECT, {OBJECT: frozen})

@@ -126,13 +126,16 @@ _PROBABILITIES = np.array([1e-9, 1e-3, 0.1, 0.5, 0.77, 0.999, 1 - 1e-9])
 
 # A quantile rounded to double precision moves the probability by the density times an ulp.
 _ROUNDING = 1e-9
+# Differences of rounded probabilities, over their distance.
+_DERIVATIVE = 1e-8
 
 
 def check_distribution(distribution: Distribution) -> None:
     """Check the contract of a distribution of one input.
 
     Its four functions keep the shape of their argument, are inverse to each other, add up to 1, and
-    are accurate in both tails. It survives pickling, as worker processes need it.
+    are accurate in both tails. Its density, if it has one, is the derivative of its probabilities.
+    It survives pickling, as worker processes need it.
 
     Parameters
     ----------
@@ -168,6 +171,7 @@ def check_distribution(distribution: Distribution) -> None:
         assert np.all(above <= (1 - p) + _ROUNDING), "sf(ppf(p)) is 1 - p or less"
         before = distribution.cdf(values - _ROUNDING * (1 + np.abs(values)))
         assert np.all(before <= p + _ROUNDING), "ppf(p) is the smallest value with a cdf of p"
+        _check_probabilities(distribution)
         return
     below, above = distribution.cdf(inner), distribution.sf(inner)
     np.testing.assert_allclose(below + above, 1.0, rtol=_ROUNDING, err_msg="cdf + sf = 1")
@@ -181,6 +185,56 @@ def check_distribution(distribution: Distribution) -> None:
     np.testing.assert_allclose(
         distribution.sf(distribution.isf(p)), p, rtol=1e-6, atol=_ROUNDING, err_msg="sf(isf(p)) = p"
     )
+    _check_density(distribution)
+
+
+def _check_probabilities(distribution: Distribution) -> None:
+    """Check the probabilities of the values of a discrete distribution against its cdf."""
+    atoms = distribution.atoms()
+    if atoms is None:
+        return
+    values, shares = atoms
+    gaps = np.diff(np.concatenate([[0.0], distribution.cdf(values)]))
+    np.testing.assert_allclose(shares, gaps, rtol=0, atol=_ROUNDING, err_msg="atoms and cdf")
+    logarithms = distribution.log_density(values)
+    if logarithms is not None:
+        likely = shares > 1e-300
+        np.testing.assert_allclose(
+            np.exp(logarithms[likely]), shares[likely], rtol=1e-8, err_msg="probability of a value"
+        )
+
+
+# Places and weights of a derivative by eight differences: its error is of the ninth order.
+_PLACES = np.array([-4, -3, -2, -1, 1, 2, 3, 4])
+_WEIGHTS = np.array([3, -32, 168, -672, 672, -168, 32, -3]) / 840
+_STEP = 2e-3  # of the distance to the nearer end of the half of the probability around a value
+
+
+def _check_density(distribution: Distribution) -> None:
+    """Check the density against the derivative of the probability in the nearer tail."""
+    p = np.array([1e-6, 1e-3, 0.03, 0.21, 0.43, 0.61, 0.88, 0.9987])
+    far = np.array([1e-4 if distribution.least_upper_tail else 1e-12])
+    values = np.concatenate([distribution.ppf(p), distribution.isf(far)])
+    if (logarithms := distribution.log_density(values)) is None:
+        return
+    assert logarithms.shape == values.shape, "log_density keeps the shape of an array"
+    is_low = np.concatenate([p, 1 - far]) < 0.5
+    tail = np.where(is_low, distribution.cdf(values), distribution.sf(values))
+    around = np.where(is_low, distribution.ppf(tail / 2), distribution.isf(tail / 2))
+    step = _STEP * np.abs(values - around)
+    # Near an end that is not 0, doubles are few.
+    is_fine = step > 1e4 * np.finfo(np.float64).eps * np.abs(values)
+    assert is_fine.sum() > len(values) / 2, "values of the middle are finer than their distances"
+    values, logarithms, step, is_low = (
+        each[is_fine] for each in (values, logarithms, step, is_low)
+    )
+    places = values[:, None] + step[:, None] * _PLACES
+    step = (places[:, -1] - places[:, 0]) / (_PLACES[-1] - _PLACES[0])  # as it is rounded
+    tails = np.where(is_low[:, None], distribution.cdf(places), distribution.sf(places))
+    derivative = np.abs(tails @ _WEIGHTS) / step
+    error = np.abs(np.exp(logarithms) / derivative - 1)
+    rounding = np.finfo(np.float64).eps * np.abs(values) / step
+    assert np.all(error <= _DERIVATIVE + 4 * rounding), f"the density is a derivative: {error}"
 
 
 # Contract test of the joint distribution of the inputs.

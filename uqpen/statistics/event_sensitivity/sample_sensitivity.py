@@ -59,8 +59,11 @@ class InputScores:
         Returns
         -------
         InputScores or None
-            None where the mean cannot move without the standard deviation, as of two values.
+            None where the mean cannot move without the standard deviation, as of two values, or
+            where one of them is infinite.
         """
+        if distribution.highest_moment <= 2:
+            return None
         values, shares = _nodes(distribution)
         with np.errstate(all="ignore"):
             mean = float((shares * values).sum())

@@ -116,6 +116,8 @@ def univariate_basis(
     found = recurrence(of_logarithm or distribution, degree)
     is_usable = np.isfinite(found.alpha) & np.isfinite(found.beta) & (found.beta > 0)
     usable = len(is_usable) if is_usable.all() else int(is_usable.argmin())
+    if not usable:  # the mean is infinite, and a constant needs none
+        return UnivariateBasis(name, of_logarithm is not None, 0.0, 1.0, np.zeros(1), np.ones(1))
     return UnivariateBasis(
         name=name,
         is_logarithm=of_logarithm is not None,
