@@ -65,14 +65,11 @@ def test_a_word_of_other_programs_is_met_with_the_one_here(path, word, here, tmp
 @pytest.mark.parametrize(
     ("form", "here"),
     [
-        (
-            "2 m ± 3 %",
-            '"(2 ± 0.06) m" if that is the standard deviation, { uniform = { lower = "1.94 m"',
-        ),
-        ("(2 ± 3 %) m", '"(2 ± 0.06) m" if that is the standard deviation'),
-        ("2 m ± 0.1 m", '"(2 ± 0.1) m" if that is the standard deviation'),
         ("2 +/- 0.1 m", '"(2 ± 0.1) m" if'),
-        ("2 m to 3 m", '{ uniform = { lower = "2 m", upper = "3 m" } } for any value between them'),
+        ("2 m to 3 m", '{ uniform = { lower = "2 m", upper = "3 m" } } if all values between'),
+        ("2 m to 3 m", "an interval, of which nothing but the ends is known"),
+        ("50 % ± 5 %", '"(50 ± 5) %", or "(50 ± 2.5) %" if it is a share of the mean'),
+        ("2 m ± 1 s", "a length, such as"),
         ("2 - 3 m", '{ uniform = { lower = "2 m", upper = "3 m" } }'),
         ("2..3 m", '{ uniform = { lower = "2 m", upper = "3 m" } }'),
         ("[2, 3] m", '{ uniform = { lower = "2 m", upper = "3 m" } }'),
@@ -89,6 +86,28 @@ def test_a_word_of_other_programs_is_met_with_the_one_here(path, word, here, tmp
 )
 def test_a_form_of_an_input_is_met_with_all_that_it_may_mean(form, here, tmp_path):
     assert here in expected(tmp_path, inputs={"x": form, "y": "2 m"})
+
+
+@pytest.mark.parametrize(
+    ("form", "std", "says"),
+    [
+        ("2 m ± 3 %", 0.06, ", where ± is one standard deviation, 0.06 m"),
+        ("(2 ± 3 %) m", 0.06, ", where ± is one standard deviation, 0.06 m"),
+        ("200 cm +/- 3%", 0.06, ", where ± is one standard deviation, 6 cm"),
+        ("2 m ± 0.1 m", 0.1, ", where ± is one standard deviation, 0.1 m"),
+        ("2 m +/- 5 cm", 0.05, ", where ± is one standard deviation, 0.05 m"),
+        ("(2 ± 0.1) m", 0.1, ""),
+    ],
+)
+def test_a_spread_is_one_standard_deviation_and_says_so(form, std, says, tmp_path):
+    (tmp_path / "m.py").write_text("def f(x):\n    return {'z': x}\n")
+    model = {"python": "m.py:f", "inputs": {"x": "m"}, "outputs": {"z": "m"}}
+    designs = {"d": {"kind": "monte-carlo", "runs": 50}}
+    text = study_text(model, seed=1, inputs={"x": form}, designs=designs)
+    (entry,) = uqpen.parse_study(text, folder=tmp_path).joint.random
+    assert entry.distribution.mean == pytest.approx(2.0)
+    assert entry.distribution.std == pytest.approx(std)
+    assert entry.description == f"normal {form}{says}"
 
 
 def test_a_single_threshold_is_met_with_its_list(tmp_path):

@@ -98,7 +98,8 @@ def half_last_digit(text: str, *, difference: bool = False) -> float:
 def parse_spread(text: str, like: str) -> Spread | None:
     """Read a mean with a standard deviation such as ``"(2.5 ± 0.05) g/cm^3"``.
 
-    Returns None for a text without ``±`` (or ``+/-``).
+    Both may have their units, as in ``"10 mm ± 0.5 mm"``, and the deviation may be a share of the
+    mean, as in ``"10 kohm ± 5 %"``. Returns None for a text without ``±`` (or ``+/-``).
 
     QuantityError if it has one but cannot be read.
     """
@@ -110,17 +111,38 @@ def parse_spread(text: str, like: str) -> Spread | None:
     inner, bracket, unit = plain.strip().rpartition(")")
     is_grouped = bool(bracket) and inner.startswith("(")
     inner, unit = (inner[1:], unit.strip()) if is_grouped else (plain, "")
-    parts = _PLUS_MINUS.split(inner)
-    shape = f'a mean and a standard deviation, such as "{_example(like)}"'
+    parts = [part.strip() for part in _PLUS_MINUS.split(inner)]
+    example = _example(like)
+    shape = f'a mean and a standard deviation, such as "{example}"'
     if len(parts) != 2:
         raise QuantityError(toml_text(text), shape)
     for part in parts:
         _refuse_comma(part)
-    if not all(_NUMBER.fullmatch(part.strip()) for part in parts):
+    numbers = [_NUMBER.match(part) for part in parts]
+    if numbers[0] is None or numbers[1] is None:
         raise QuantityError(toml_text(text), f"{shape}, the unit once and behind the bracket")
-    mean, std = (float(part) for part in parts)
+    mean, std = (float(match[0]) for match in numbers if match)
+    own, other = (
+        part[match.end() :].strip() for part, match in zip(parts, numbers, strict=True) if match
+    )
+    is_relative = other == "%" and unit != "%"
+    if own == other == "%":
+        meant = f'"({mean:g} ± {std:g}) %", or "({mean:g} ± {mean * std / 100:g}) %"'
+        raise QuantityError(toml_text(text), f"{meant} if it is a share of the mean")
+    if (is_grouped and (own or (other and not is_relative))) or (
+        not is_grouped and not is_relative and bool(own) != bool(other)
+    ):
+        raise QuantityError(toml_text(text), f"{shape}, the unit once and behind the bracket")
+    unit = unit or own
     measure = _checked_scale(text, unit, like)
-    return Spread(measure.to_si(mean), measure.difference_to_si(std), unit or DIMENSIONLESS)
+    if is_relative and measure.offset:
+        found = f"{toml_text(text)}, a share of a value with a zero of its own"
+        raise QuantityError(found, shape)
+    if is_relative:
+        found_std = abs(measure.to_si(mean)) * std / 100
+    else:
+        found_std = _checked_scale(text, other or unit, like).difference_to_si(std)
+    return Spread(measure.to_si(mean), found_std, unit or DIMENSIONLESS)
 
 
 def _example(like: str) -> str:

@@ -1081,10 +1081,10 @@ class Mixture(Distribution):
         low, high = _places(ends.min(axis=0)), _places(ends.max(axis=0))
         while (high - low > 1).any():
             middle = (low >> 1) + (high >> 1) + (low & high & 1)
-            value = _places_back(middle)
+            value = _at_places(middle)
             reaches = np.where(is_low, self.cdf(value) >= lower, self.sf(value) <= upper)
             high, low = np.where(reaches, middle, high), np.where(reaches, low, middle)
-        return _places_back(high)
+        return _at_places(high)
 
 
 def _places(value: FloatArray) -> npt.NDArray[np.int64]:
@@ -1093,7 +1093,7 @@ def _places(value: FloatArray) -> npt.NDArray[np.int64]:
     return np.where(bits < 0, np.int64(-(2**63)) - bits, bits)
 
 
-def _places_back(place: npt.NDArray[np.int64]) -> FloatArray:
+def _at_places(place: npt.NDArray[np.int64]) -> FloatArray:
     """Return the numbers at places among all doubles."""
     bits = np.where(place < 0, np.int64(-(2**63)) - place, place)
     return bits.view(np.float64)

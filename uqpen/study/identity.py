@@ -280,7 +280,7 @@ def _point_classes(study: ValidatedStudy, design: str) -> Iterator[tuple[str, ty
 
 
 def _single_distributions(distribution: Distribution) -> Iterator[Distribution]:
-    """Yield the distributions of which one is made, or itself."""
+    """Yield the distributions that another is made of, or itself."""
     if isinstance(distribution, Truncated):
         yield from _single_distributions(distribution.parent)
     elif isinstance(distribution, Mixture):

@@ -20,7 +20,7 @@ from uqpen.core.model import Input, Model
 from uqpen.core.quantities import parse_quantity, parse_spread
 from uqpen.core.settings import declared_settings, file, text
 from uqpen.core.streams import Stream
-from uqpen.core.units import ANY_DIMENSION, DIMENSIONLESS, NUMBER, are_convertible, describe
+from uqpen.core.units import ANY_DIMENSION, DIMENSIONLESS, NUMBER, are_convertible, describe, scale
 from uqpen.distributions import DISTRIBUTIONS
 from uqpen.distributions.constraints import Constraint, parse_constraint
 from uqpen.distributions.distribution import Distribution, UnloadedDistribution
@@ -340,7 +340,12 @@ def _read_input(table: TableReader, variable: Input, stream: Stream) -> Entry | 
             return None
         normal = Normal(spread.mean, spread.std)
         if _is_usable(table, variable.name, normal):
-            return RandomInput(variable, normal, spread.unit, f"normal {value}")
+            description = f"normal {value}"
+            if not value.strip().endswith(")") and (")" not in value or "%" in value):
+                std = scale(spread.unit).difference_from_si(spread.std)
+                unit = "" if spread.unit == DIMENSIONLESS else f" {spread.unit}"
+                description += f", where ± is one standard deviation, {std:.6g}{unit}"
+            return RandomInput(variable, normal, spread.unit, description)
     except QuantityError as error:
         found, expected = error.found, error.expected
         if here := _form_here(value):
@@ -355,7 +360,6 @@ def _read_input(table: TableReader, variable: Input, stream: Stream) -> Entry | 
 
 # Forms of an input that people bring, each a text as a whole.
 _SPREAD = re.compile(rf"({NUMBER})\s*(.*?)\s*(?:±|\+/-|\+-)\s*({NUMBER})\s*(.*)")
-_GROUPED = re.compile(rf"^\(\s*({NUMBER})\s*(?:±|\+/-|\+-)\s*({NUMBER})\s*%\s*\)\s*(.*)$")
 _END = r"[+-]?\d+(?:\.\d+)?(?:[eE][+-]?\d+)?"
 _RANGE = re.compile(rf"\[?\s*({_END})\s*(.*?)\s*(?:\bto\b|\.\.+|[–…]|-)\s*({_END})\s*\]?\s*(.*)")
 _CALL = re.compile(rf"([NU])\w*\s*\(\s*({NUMBER})\s*,\s*({NUMBER})\s*\)\s*(.*)")
@@ -372,18 +376,15 @@ def _form_here(value: object) -> str:
         and len(value) == 2
         and all(type(each) in (int, float) for each in value)
     ):
-        return f"{_uniform(value[0], value[1], '')} for any value between them"
+        return _between(value[0], value[1], "")
     if not isinstance(value, str) or len(value) > _LONGEST_FORM:
         return ""
     text = value.strip().replace("\N{MINUS SIGN}", "-")
-    text = _GROUPED.sub(r"\1 \3 ± \2 %", text)
     if match := _SPREAD.fullmatch(text):
         mean, unit, half, other = match.groups()
-        middle, size = float(mean), float(half)
-        if other == "%" != unit:
-            size *= abs(middle) / 100
-        elif unit not in ("", other):
+        if unit and other:  # which are of different dimensions, say
             return ""
+        middle, size = float(mean), float(half)
         unit = unit or other
         limits = _uniform(middle - size, middle + size, unit)
         return (
@@ -397,10 +398,19 @@ def _form_here(value: object) -> str:
         return f'"({one} ± {two}) {unit}"'.replace(' "', '"')
     if match := _RANGE.fullmatch(text.replace(",", "…") if text.startswith("[") else text):
         lower, unit, upper, other = match.groups()
-        return f"{_uniform(float(lower), float(upper), other or unit)} for any value between them"
+        return _between(float(lower), float(upper), other or unit)
     if _FORMULA.fullmatch(text):
         return "a value or a distribution; what follows from other inputs belongs to the model"
     return ""
+
+
+def _between(lower: float, upper: float, unit: str) -> str:
+    """Return both meanings of a range."""
+    return (
+        f"{_uniform(lower, upper, unit)} if all values between them are equally likely; "
+        "an interval, of which nothing but the ends is known, is no distribution, and a study "
+        "cannot state it yet"
+    )
 
 
 def _uniform(lower: float, upper: float, unit: str) -> str:
