@@ -1,8 +1,9 @@
 """How often the interval of an event covers where a run may end in it, without a number.
 
-A table of docs/coverage.md as `seed_table.py` makes it. Each seed is a sample of 200 normal numbers
-x, of which the event is x > 1, or the ending. The ending is declared as an outcome, or left a
-failed run. It lies beyond all numbers, or in the other tail.
+A table of docs/coverage/outcomes.md as `seed_table.py` makes it. The number is a normal x. The
+event is that x lies beyond a limit, or the ending. This is declared as an outcome, or left a failed
+run. It lies beyond all numbers, or in the other tail. Monte Carlo has 200 runs. For the methods for
+rare events, x follows from two inputs, and they have some thousand runs in five replicates.
 """
 
 from __future__ import annotations
@@ -11,78 +12,147 @@ import sys
 from argparse import Namespace
 from collections.abc import Iterator, Sequence
 from itertools import product
+from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 import xarray as xr
+from rare_events import standard_normals
 from scipy.stats import norm
 from seed_table import Case, Row, SeedTable, lines
 
-from uqpen.core.labels import ABSENT, SAMPLING, STATUS
+from uqpen.core.labels import ABSENT, OUTCOME_OUTPUT, ROLE, SAMPLING, STATUS
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
+from uqpen.core.streams import Stream
+from uqpen.designs.drawn_points import points_in_memory, points_of
+from uqpen.designs.rare_events.importance_sampling import ImportanceSampling
+from uqpen.designs.rare_events.subset_simulation import SubsetSimulation
+from uqpen.designs.rounds import run_rounds
+from uqpen.execution import join_rounds
 from uqpen.statistics.joint_event import JointEvent, OutputLimit
 from uqpen.statistics.joint_probability import joint_probabilities
 
 RUNS = 200
-SHARES = {"2 %": 0.02, "20 %": 0.2}
+MONTE_CARLO = "monte-carlo"
 TAILS = ("beyond", "other tail")
 READINGS = ("outcome", "failed run")
-_EXCEEDS = OutputLimit("x > 1", "x", is_above=True, value=1.0)
-_ENDS = OutputLimit("ends", "outcome", is_above=True, value=1.0, is_category=True)
-EVENTS = {
-    "outcome": JointEvent("event", (_EXCEEDS, _ENDS), is_any=True),
-    "failed run": JointEvent("event", (_EXCEEDS,)),
+DESIGNS = {
+    "importance-sampling": lambda event: ImportanceSampling(event=event, samples=1000),
+    "subset-simulation": lambda event: SubsetSimulation(event=event, samples=500),
+}
+_LEVEL = 0.95
+
+
+class Ending(NamedTuple):
+    """The event x > limit, and the probability of the ending."""
+
+    limit: float
+    share: float
+
+    def is_met(self, x: npt.NDArray[np.float64], tail: str) -> npt.NDArray[np.bool_]:
+        """Return which runs end so."""
+        return x > norm.isf(self.share) if tail == "beyond" else x < norm.ppf(self.share)
+
+    def probability(self, tail: str) -> float:
+        """Return that of the event or the ending."""
+        exceeds = float(norm.sf(self.limit))
+        return max(exceeds, self.share) if tail == "beyond" else exceeds + self.share
+
+
+_RARE = {"0.05 %": Ending(3.0, 0.0005), "0.13 %": Ending(3.5, float(norm.sf(3.0)))}
+ENDINGS = {
+    MONTE_CARLO: {"2 %": Ending(1.0, 0.02), "20 %": Ending(1.0, 0.2)},
+    "importance-sampling": _RARE,
+    "subset-simulation": _RARE,
 }
 
 
-def interval(seed: int, share: float, tail: str, reading: str) -> tuple[float, float, float]:
-    """Return the lower end, the upper end and the true probability."""
-    x = np.random.default_rng([2_120, seed]).standard_normal(RUNS)
-    ends = x > norm.isf(share) if tail == "beyond" else x < norm.ppf(share)
-    exceeds = norm.sf(_EXCEEDS.value)
-    is_outcome = reading == "outcome"
-    runs = xr.Dataset(
-        {
-            "x": ("run", np.where(ends, np.nan, x), {"units": "1", ABSENT: "it ends"}),
-            "outcome": ("run", np.where(ends, 1 if is_outcome else -1, 0).astype(np.int8)),
-            STATUS: ("run", np.where(ends & (not is_outcome), Status.FAILED, 0).astype(np.int8)),
-        },
-        attrs={SAMPLING: str(Sampling.INDEPENDENT)},
-    )
-    found = joint_probabilities(runs, [EVENTS[reading]], 0.95)["joint_probability"]
-    _, lower, upper = found.values[0].tolist()
-    return lower, upper, float(max(exceeds, share) if tail == "beyond" else exceeds + share)
+def cases() -> Iterator[Case]:
+    """Yield a method, the share of the ending, where it lies and how it is read."""
+    for method, endings in ENDINGS.items():
+        for share, tail, reading in product(endings, TAILS, READINGS):
+            # Where the ending is nearly all of a rare event, failed runs leave no interval.
+            if (share, reading) != ("0.13 %", "failed run"):
+                yield method, share, tail, reading
+
+
+def interval(
+    seed: int, method: str, share: str, tail: str, reading: str
+) -> tuple[float, float, float]:
+    """Return the estimate and both ends of its interval."""
+    ending = ENDINGS[method][share]
+
+    def runs_at(points: xr.Dataset, x: npt.NDArray[np.float64]) -> xr.Dataset:
+        ends = ending.is_met(x, tail)
+        has_failed = ends & (reading == "failed run")
+        outcome = np.where(has_failed, -1, ends).astype(np.int8)
+        flags = {"flag_values": np.array([-1, 0, 1]), "flag_meanings": "lost completed ends"}
+        status = np.where(has_failed, Status.FAILED, Status.OK).astype(np.int8)
+        return points.assign(
+            {
+                "x": (
+                    "run",
+                    np.where(ends, np.nan, x),
+                    {ROLE: "output", "units": "1", ABSENT: "-"},
+                ),
+                OUTCOME_OUTPUT: ("run", outcome, {ROLE: "output", **flags}),
+                STATUS: ("run", status),
+            }
+        )
+
+    if method == MONTE_CARLO:
+        x = np.random.default_rng([2_120, seed]).standard_normal(RUNS)
+        runs, sampling = runs_at(xr.Dataset(), x), Sampling.INDEPENDENT
+    else:
+        text = f"x > {ending.limit}" + " or ends" * (reading == "outcome")
+        design = DESIGNS[method](text)
+
+        def make_runs(drawn: Any, number: int) -> dict[str, xr.Dataset]:
+            points = points_in_memory(points_of(drawn))
+            return {"": runs_at(points, 0.6 * points["x0"].values + 0.8 * points["x1"].values)}
+
+        rounds = run_rounds(design, standard_normals(2), Stream(seed, "designs", "rare"), make_runs)
+        runs = join_rounds([each[""] for each in rounds], range(len(rounds)))
+        sampling = design.sampling
+    limits = [OutputLimit("x", "x", is_above=True, value=ending.limit)]
+    if reading == "outcome":
+        limits += [OutputLimit("ends", OUTCOME_OUTPUT, is_above=True, value=1.0, is_category=True)]
+    event = JointEvent("event", tuple(limits), is_any=True)
+    runs = runs.assign_attrs({**runs.attrs, SAMPLING: str(sampling)})
+    found = joint_probabilities(runs, [event], _LEVEL)["joint_probability"]
+    value, lower, upper = found.values[0].tolist()
+    return value, lower, upper
 
 
 def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
-    share, tail, reading = map(str, case)
     for seed in seeds:
-        lower, upper, truth = interval(seed, SHARES[share], tail, reading)
-        yield {"lower": lower, "upper": upper, "truth": truth}
+        value, lower, upper = interval(seed, *map(str, case))
+        yield {"value": value, "lower": lower, "upper": upper}
 
 
 def _page(rows: Sequence[Row]) -> Iterator[str]:
-    head = ["share of the ending", "where", "read as", "seeds", "covers", "mean width"]
-    of = {
-        key: [row for row in rows if (row["share"], row["tail"], row["reading"]) == key]
-        for key in product(SHARES, TAILS, READINGS)
-    }
-    yield from lines(head, (_line(found, *key) for key, found in of.items() if found))
+    head = ["method", "probability", "of the ending", "where", "read as"]
+    head += ["seeds", "mean estimate", "covers", "median upper/lower end"]
+    found: dict[Case, list[Row]] = {}
+    for row in rows:
+        found.setdefault(tuple(row[key] for key in KEYS), []).append(row)
+    yield from lines(head, (_line(found[case], *case) for case in cases() if case in found))
 
 
-def _line(rows: Sequence[Row], share: str, tail: str, reading: str) -> list[str]:
-    covers = np.mean([row["lower"] <= row["truth"] <= row["upper"] for row in rows])
-    width = np.mean([row["upper"] - row["lower"] for row in rows])
-    return [share, tail, reading, f"{len(rows)}", f"{100 * covers:.1f} %", f"{width:.3f}"]
+def _line(rows: Sequence[Row], *case: Any) -> list[str]:
+    method, share, tail, reading = map(str, case)
+    truth = ENDINGS[method][share].probability(tail)
+    table = np.array([[row[key] for key in ("value", "lower", "upper")] for row in rows])
+    value, lower, upper = table.T
+    covers = np.mean((lower <= truth) & (truth <= upper))
+    ratio = f"{np.median(upper / lower):.3g}" if lower.all() else "–"
+    figures = [f"{np.mean(value):.3g}", f"{100 * covers:.1f} %", ratio]
+    return [method, f"{truth:.3g}", share, tail, reading, f"{len(rows)}", *figures]
 
 
-TABLE = SeedTable(
-    ("share", "tail", "reading"),
-    lambda: product(SHARES, TAILS, READINGS),
-    _rows,
-    {"outcomes": _page},
-    seeds=300,
-)
+KEYS = ("method", "share", "tail", "reading")
+TABLE = SeedTable(KEYS, cases, _rows, {"outcomes": _page}, seeds=300, at_once=20)
 
 if __name__ == "__main__":
     sys.exit(TABLE.main(__doc__))

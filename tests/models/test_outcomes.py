@@ -1,4 +1,4 @@
-"""Endings of a program that a study declares as outcomes: completed runs without numbers."""
+"""Endings of a run that a study declares as outcomes: completed runs without numbers."""
 
 import sys
 
@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import uqpen
+from uqpen.report.sections.summary import summary_lines
 from uqpen.statistics.joint_probability import joint_probabilities
 
 COLUMN = """\
@@ -94,6 +95,9 @@ high = ["stress > 200 MPa"]
         for size in (1000, 20)
     )
     assert np.allclose(by_blocks, whole)
+    share = f"{100 * ends.sum() / known.sum():.0f}\N{NO-BREAK SPACE}%"
+    (line,) = (each for each in summary_lines(tree) if each.startswith("Outcome: "))
+    assert f"“unstable” in {share} of cases (" in line
     says = ["in which all its outputs" in str(each) for each in whole["note"].values]
     assert dict(zip(by_event, says, strict=True)) == {"fails": False, "holds": False, "high": True}
     assert by_blocks["note"].values.tolist() == whole["note"].values.tolist()
@@ -104,6 +108,11 @@ def test_an_unknown_outcome_in_an_event_is_told_with_those_known(column):
     text = STUDY + '[joint_probabilities]\nfails = ["unstabel"]\n'
     with pytest.raises(uqpen.StudyError, match="or an outcome, unstable"):
         column("[model.outcomes]\nunstable = { exit = 7 }", text)
+    # Another mistake in the model does not make it unknown.
+    text = text.replace('load = "kN"', 'load = "kM"').replace("unstabel", "unstable")
+    with pytest.raises(uqpen.StudyError) as error:
+        column("[model.outcomes]\nunstable = { exit = 7 }", text)
+    assert [each.key for each in error.value.problems] == ["model.inputs.load"]
 
 
 @pytest.mark.parametrize(
@@ -128,6 +137,17 @@ def test_an_unknown_outcome_in_an_event_is_told_with_those_known(column):
             "completed = { exit = 7 }",
             '.completed: "completed"; another name: it has all other runs',
         ),
+        ('unstable = { exit = "7" }', '.unstable.exit: "7"; an exit code from 1 to 255'),
+        ("stress = { exit = 7 }", '.stress: "stress"; another name: an output has it'),
+        ("not = { exit = 7 }", '.not: "not"; another name: it joins the limits of an event'),
+        (
+            "a = { exit = 7 }\nb = { exit = 7 }",
+            '.b: the ending of a; an ending of its own: all these runs have the outcome "a"',
+        ),
+        (
+            'a = { exception = "ValueError" }',
+            '.a: exception; how it is known, { exit = 7 } or { text = "UNSTABLE" }',
+        ),
     ],
 )
 def test_mistakes_are_told(table, expected, column):
@@ -145,3 +165,68 @@ def test_what_follows_numbers_is_refused(kind, column):
     with pytest.raises(uqpen.StudyError, match="runs that end so have no numbers to follow"):
         column("[model.outcomes]\nunstable = { exit = 7 }", text)
     column("", text)
+
+
+# An exception of a Python function.
+
+
+class SolverError(Exception):
+    """Any failure of the solver."""
+
+
+class UnstableError(SolverError):
+    """The column buckles."""
+
+
+def bend(load):
+    if (load > 130).any():
+        raise UnstableError(f"at {load}")
+    if (load < 70).any():
+        raise SolverError("the step is too small")
+    return {"stress": np.where((load > 90) & (load < 95), np.nan, 2 * load)}
+
+
+def bend_one(load):
+    return {"stress": bend(np.array([load]))["stress"].item()}
+
+
+@pytest.mark.parametrize(("function", "vectorized"), [(bend_one, False), (bend, True)])
+@pytest.mark.parametrize("cls", [UnstableError, "UnstableError"])
+def test_an_exception_is_an_outcome(function, vectorized, cls, tmp_path):
+    units = {"load": "kN"}, {"stress": "MPa"}
+    model = uqpen.PythonModel(function, *units, vectorized=vectorized, outcomes={"unstable": cls})
+    (tmp_path / "loads.csv").write_text("load [kN]\n" + "".join(f"{each}\n" for each in LOADS))
+    design = uqpen.TableDesign(tmp_path / "loads.csv")
+    study = uqpen.Study(model, {"load": "100 kN"}, designs={"table": design}, seed=1)
+    runs = uqpen.run(study)["runs/table"].to_dataset()
+    # An exception above the class has failed, and a run without the number at its usual end, too.
+    assert runs["status"].values.tolist() == [2, 0, 3, 0, 0, 0, 0]
+    assert runs["outcome"].values.tolist() == [-1, 0, -1, 0, 1, 1, 1]
+    assert runs["lost_reason"].values[1] == "stress is nan"
+
+
+@pytest.mark.parametrize(
+    ("named", "expected"),
+    [
+        ("UnstableErorr", 'the module of the function defines or imports; did you mean "Unst'),
+        ("sys.path", "the class of an exception that the module of the function"),
+        ("MemoryError", "another exception: MemoryError depends on the machine"),
+        ("Exception", "a narrower class: TimeoutError is one of these, too"),
+        ("OSError", "a narrower class: TimeoutError is one of these, too"),
+    ],
+)
+def test_an_exception_that_cannot_be_one_is_told(named, expected):
+    model = uqpen.PythonModel(
+        bend_one, {"load": "kN"}, {"stress": "MPa"}, outcomes={"unstable": named}
+    )
+    with pytest.raises(uqpen.StudyError, match=expected):
+        uqpen.Study(
+            model, {"load": "(100 ± 9) kN"}, designs={"mc": uqpen.MonteCarlo(runs=9)}, seed=1
+        )
+
+
+def test_a_server_has_no_outcomes():
+    model = 'umbridge = "http://127.0.0.1:1"\ninputs = { a = "1" }\noutputs = { b = "1" }\n'
+    text = f"seed = 1\n[model]\n{model}[model.outcomes]\nbad = {{ text = 'BAD' }}\n"
+    with pytest.raises(uqpen.StudyError, match="whose errors do not say how a run ended"):
+        uqpen.parse_study(text, trust=False)

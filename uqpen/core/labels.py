@@ -166,6 +166,8 @@ DERIVED_FROM = "derived_from"
 # Of one that some runs do not have, NaN there: what is true of those runs. Of its statistics: the
 # number of completed runs that do not have it.
 ABSENT = "absent"
+# The output that has the category of each run, where a study declares outcomes.
+OUTCOME_OUTPUT = "outcome"
 RUNS_ABSENT = "runs_absent"
 # Of an output that a surrogate could not be fitted to: the reason.
 NOT_FITTED = "not_fitted"

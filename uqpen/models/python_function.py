@@ -9,13 +9,17 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from uqpen.core.arrays import Arrays
 from uqpen.core.files import FileSnapshot
+from uqpen.core.labels import OUTCOME_OUTPUT
 from uqpen.core.limits import Limits
 from uqpen.core.model import Input, Output, Results, RunOutcome, joined_outcomes
 from uqpen.core.units import scale
 from uqpen.models.dependencies import Dependencies
 from uqpen.models.function_source import FunctionSource
+from uqpen.models.outcomes import DeclaredOutcome, with_outcome, without_gaps
 from uqpen.models.run_grid import FieldSources, extract_outputs
 from uqpen.models.surroundings import ModelFolder
 from uqpen.models.user_code import (
@@ -53,6 +57,7 @@ class PythonFunction(UserModel):
     observed: Dependencies = field(
         default_factory=partial(Dependencies, Path()), repr=False, compare=False
     )  # record of what the runs of an object depend on besides its source
+    outcomes: tuple[DeclaredOutcome, ...] = ()  # exceptions that are results
 
     def evaluate(self, inputs: Arrays) -> Results:
         arguments = {
@@ -64,6 +69,8 @@ class PythonFunction(UserModel):
         with restore_streams(), self.in_folder():
             outcomes = self._outcomes(arguments, runs)
             results = joined_outcomes(outcomes, self.outputs, self.units, runs)
+        if self.outcomes:
+            results = without_gaps(results, self._returned)
         return replace(results, files=self.record.lines_of_runs)
 
     def files(self) -> tuple[FileSnapshot, ...]:
@@ -80,8 +87,15 @@ class PythonFunction(UserModel):
             function = pickle_by_value(self.function)
             limits = self.enforced_limits
             observed = Dependencies(self.observed.folder)
-            return _unpickle, (function, *declared, None, limits, self.source, fields, observed)
-        return _restore, (self.surroundings.folder, *declared, self.enforced_limits, fields)
+            own = (None, limits, self.source, fields, observed, self.outcomes)
+            return _unpickle, (function, *declared, *own)
+        folder, limits = self.surroundings.folder, self.enforced_limits
+        return _restore, (folder, *declared, limits, fields, self.outcomes)
+
+    @property
+    def _returned(self) -> tuple[Output, ...]:
+        """The outputs that the function returns."""
+        return self.outputs[:-1] if self.outcomes else self.outputs
 
     def _outcomes(self, arguments: Arrays, runs: int) -> Iterator[tuple[slice, RunOutcome]]:
         """Yield for each batch of runs its outputs, or the reason why it has none."""
@@ -104,8 +118,15 @@ class PythonFunction(UserModel):
         try:
             with ending_forks():
                 returned = self.function(**arguments)
-            return RunOutcome(extract_outputs(returned, self.outputs, runs, self.fields.grids))
+            found = extract_outputs(returned, self._returned, runs, self.fields.grids)
+            usual = {OUTCOME_OUTPUT: np.zeros(())} if self.outcomes else {}
+            return RunOutcome({**found, **usual})
         except BaseException as error:  # any exception of a black box is data
+            # Of several runs, each is made by itself to see which of them has ended so.
+            if runs is None or runs == 1:
+                for number, outcome in enumerate(self.outcomes, 1):
+                    if outcome.is_raised(error):
+                        return with_outcome(number)
             return self.failed_run(error)
 
     def failed_line(self, error: BaseException) -> str:
@@ -128,11 +149,12 @@ def _restore(
     vectorized: bool,
     limits: Limits,
     fields: FieldSources,
+    outcomes: tuple[DeclaredOutcome, ...],
 ) -> PythonFunction:
     """Restore a model from its declaration, and load its function again."""
     function, surroundings = load_function(reference, folder)
     declared = (reference, inputs, outputs, units, vectorized, surroundings, limits)
-    return PythonFunction(function, *declared, fields=fields)
+    return PythonFunction(function, *declared, fields=fields, outcomes=outcomes)
 
 
 def check_inputs(function: Callable[..., Any], inputs: Iterable[Input]) -> None:

@@ -92,12 +92,8 @@ def _of_rare_event(
     same = [each for each in events if each.condition == condition][:1]
     name = same[0].name if same else condition
     made: RareEventProbability = resolve(rare.method.probability)(runs, rare.event, level)
-    absent = [
-        name
-        for name in rare.event.outputs
-        if ABSENT in runs[name].attrs and absent_runs(LoadedDataset.of(runs), name) is not None
-    ]
-    array = _array([_noted(made.estimate, has_all=not absent)], [(name, condition)], same, level)
+    has_all = bool(rare.event.outcomes(runs).belongs[runs[STATUS].values == Status.OK].all())
+    array = _array([_noted(made.estimate, has_all=has_all)], [(name, condition)], same, level)
     array = array.assign_coords({key: (EVENT, [each]) for key, each in made.companions.items()})
     counts = run_counts(LoadedDataset.of(runs))
     found = {"joint_probability": array, **made.statistics}

@@ -96,6 +96,10 @@ UNMET_PART = (
     "parts of the event that no replicate met are not in it; as many plain runs would show a part "
     "of {probability:.2g} or more, with 95 %"
 )
+UNLED_OUTCOME = (
+    "only a few independent draws ended as {outcome}, and no level leads there: intervals of such "
+    "an event covered in 80 to 90 %; importance sampling looks further"
+)
 FEW_DRAWS_DECIDE = "weights: {size:.2g} effective draws decide a replicate"
 FEW_RUNS_IN_REPLICATES = (
     "replicates of fewer than {runs} runs: intervals of {few} runs each covered in 88 to 94 %"

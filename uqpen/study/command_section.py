@@ -9,18 +9,13 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
 from uqpen.core.errors import ModelError, toml_text
-from uqpen.core.units import DIMENSIONLESS
 from uqpen.models.command.model import (
-    COMPLETED,
     INPUTS,
     OUTCOME,
-    OUTCOME_OUTPUT,
     OUTPUTS,
     RECORD,
     Command,
-    DeclaredOutcome,
     FolderPolicy,
-    with_outcomes,
 )
 from uqpen.models.command.output_readers import (
     ColumnReader,
@@ -41,7 +36,8 @@ from uqpen.models.command.program import (
     names_in,
 )
 from uqpen.study.model_section import read_limits
-from uqpen.study.table_reader import TableReader, is_variable_name
+from uqpen.study.outcomes_section import OF_PROGRAMS, add_outcomes, read_outcomes
+from uqpen.study.table_reader import TableReader
 from uqpen.study.variables_section import Variables, read_variables
 
 _FILE = "the name of a file in the folder of the run"
@@ -151,7 +147,7 @@ def read_command(table: TableReader) -> Command | None:
     variables = read_variables(table)
     handed = _ProgramFiles(table)
     handed.read()
-    outcomes = tuple(_read_outcomes(table, variables))
+    outcomes = read_outcomes(table, variables, OF_PROGRAMS)
     limits = read_limits(table)
     # Folders of runs are next to the study, and named after it, and after one of several models.
     folder = table.folder / f"{Path(table.document.label).stem}_runs"
@@ -166,59 +162,9 @@ def read_command(table: TableReader) -> Command | None:
         return None
     copied = tuple(handed.copied)
     templates, delimiters = handed.templates, handed.delimiters
-    inputs, outputs, units, fields = variables
-    if outcomes:
-        outputs, units = with_outcomes(outputs, outcomes), {**units, OUTCOME_OUTPUT: DIMENSIONLESS}
+    inputs, outputs, units, fields = add_outcomes(variables, outcomes)
     declared = (words, inputs, outputs, units, readings, kept, program, templates, copied, limits)
     return Command(*declared, delimiters, fields=fields, outcomes=outcomes)
-
-
-_ENDING = 'how it is known, { exit = 7 } or { text = "UNSTABLE" }'
-_LARGEST_EXIT_CODE = 255
-
-
-def _read_outcomes(table: TableReader, variables: Variables) -> Iterator[DeclaredOutcome]:
-    """Read the endings of a program that are results; mistakes are noted."""
-    section = table.table("outcomes")
-    outputs, taken = (
-        variables.outputs,
-        {each.name for each in (*variables.inputs, *variables.outputs)},
-    )
-    if not section.is_given:
-        return
-    if not section.content:
-        section.add_problem((), "an empty table", "at least one outcome")
-    if OUTCOME_OUTPUT in taken:
-        found = f'an input or output "{OUTCOME_OUTPUT}", which has the category of each run'
-        section.add_problem((), found, "another name of it")
-    if any(each.dims for each in outputs):
-        section.add_problem(
-            (), "outcomes of a model with curves or fields", "outputs that are numbers"
-        )
-    for name in section:
-        if is_variable_name(section, name):
-            outcome = _read_outcome(section.table(name, _ENDING), name)
-            yield from (outcome,) if outcome else ()
-
-
-def _read_outcome(table: TableReader, name: str) -> DeclaredOutcome | None:
-    """Read how an ending is known; None where a mistake was noted."""
-    if not table.is_given:
-        return None
-    noted = len(table.problems)
-    if name == COMPLETED:
-        table.add_problem((), toml_text(name), "another name: it has all other runs")
-    given = [key for key in ("exit", "text") if key in table]
-    if len(given) != 1:
-        table.add_problem((), " and ".join(given) or "neither exit nor text", _ENDING)
-    code, text = table.take("exit"), table.take("text")
-    if "exit" in given and not (type(code) is int and 0 < code <= _LARGEST_EXIT_CODE):
-        table.add_wrong("exit", code, f"an exit code from 1 to {_LARGEST_EXIT_CODE}")
-    is_line = isinstance(text, str) and bool(text.strip()) and len(text.splitlines()) == 1
-    if "text" in given and not is_line:
-        table.add_wrong("text", text, "a text in a line that the program prints")
-    table.check_unknown_keys()
-    return None if len(table.problems) > noted else DeclaredOutcome(name, code, text or "")
 
 
 @dataclass

@@ -6,6 +6,7 @@ same.
 
 from __future__ import annotations
 
+import contextlib
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -38,11 +39,18 @@ from uqpen.execution.memory_limit import CAN_LIMIT
 from uqpen.models import MODELS
 from uqpen.models.dependencies import Dependencies
 from uqpen.models.function_source import FunctionSource, function_source
+from uqpen.models.outcomes import with_outcomes
 from uqpen.models.python_function import PythonFunction, check_inputs
 from uqpen.models.surroundings import ModelFolder
 from uqpen.models.unloaded_model import UnloadedModel
 from uqpen.models.user_defined_model import UserDefinedModel
 from uqpen.models.user_module import find_function, load_module, module_coordinates
+from uqpen.study.outcomes_section import (
+    OF_FUNCTIONS,
+    add_outcomes,
+    find_exceptions,
+    read_outcomes,
+)
 from uqpen.study.study import ONLY_MODEL, StandIn, Variant
 from uqpen.study.table_reader import OBJECT, TableReader, check_names, named_tables
 from uqpen.study.user_defined_members import MODEL, installed_names, is_reference, read_instance
@@ -236,6 +244,8 @@ def read_partial_model(table: TableReader, mentioned: PartialModel) -> PartialMo
         model = resolve(MODELS[name])()
         return PartialModel(model.name, model.inputs, model.outputs, model.alternatives)
     inputs, outputs, *_ = read_variables(table, lambda name: None)
+    if outputs and isinstance(outcomes := table.content.get("outcomes"), dict):
+        outputs = with_outcomes(outputs, [*map(str, outcomes)])
     title = name if isinstance(name, str) else "the model"
     return PartialModel(title, inputs or mentioned.inputs, outputs or mentioned.outputs)
 
@@ -258,9 +268,10 @@ def read_function(table: TableReader) -> Model | None:
     is_vectorized = settings is not None and settings.vectorized
     code = _UserCode(settings.python if settings else "", table.folder, table.trust)
     limits, variables = _read_function_table(table, is_vectorized, code.coordinates)
+    outcomes = read_outcomes(table, variables, OF_FUNCTIONS)
     if settings is None or len(table.problems) > noted:
         return None
-    inputs, outputs, units, fields = variables
+    inputs, outputs, units, fields = add_outcomes(variables, outcomes)
     try:
         function, surroundings = code.function()
         check_inputs(function, inputs)
@@ -268,8 +279,11 @@ def read_function(table: TableReader) -> Model | None:
         expected = "a function that can be called with the model's inputs"
         table.add_problem("python", str(error), expected)
         return None
+    if outcomes and surroundings is not None:
+        outcomes = find_exceptions(table, outcomes, function, surroundings.on_import_path())
     declared = (settings.python, inputs, outputs, units, is_vectorized, surroundings, limits)
-    return PythonFunction(function, *declared, fields=fields)
+    model = PythonFunction(function, *declared, fields=fields, outcomes=outcomes)
+    return model if len(table.problems) == noted else None
 
 
 @dataclass(frozen=True)
@@ -483,7 +497,8 @@ def read_object(table: TableReader) -> Model | None:
     function = (objects or {}).get(table.path)
     is_vectorized = settings is not None and settings.vectorized
     limits, variables = _read_function_table(table, is_vectorized)
-    inputs, outputs, units, fields = variables
+    outcomes = read_outcomes(table, variables, OF_FUNCTIONS)
+    inputs, outputs, units, fields = add_outcomes(variables, outcomes)
     if settings is None or len(table.problems) > noted:
         return None
     name = settings.object
@@ -504,8 +519,10 @@ def read_object(table: TableReader) -> Model | None:
             expected = "a function that can be called with the model's inputs"
             table.add_problem((), str(error), expected)
             return None
+        outcomes = find_exceptions(table, outcomes, function, contextlib.nullcontext())
     declared = (name, inputs, outputs, units, settings.vectorized, None, limits, source, fields)
-    return PythonFunction(function, *declared, observed=observed)
+    model = PythonFunction(function, *declared, observed=observed, outcomes=outcomes)
+    return model if len(table.problems) == noted else None
 
 
 # Several models at the same points.

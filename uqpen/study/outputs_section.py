@@ -18,7 +18,7 @@ from uqpen.core.errors import (
     toml_text,
 )
 from uqpen.core.formulas import parse_formula
-from uqpen.core.labels import LARGEST_CONTRIBUTION, NAME
+from uqpen.core.labels import LARGEST_CONTRIBUTION, NAME, OUTCOME_OUTPUT
 from uqpen.core.lookup import choices, installed_members, load_installed, resolve
 from uqpen.core.model import Model, Output
 from uqpen.core.quantities import parse_quantity
@@ -28,7 +28,7 @@ from uqpen.core.streams import Stream
 from uqpen.core.units import ANY_DIMENSION, scale
 from uqpen.core.variables import DerivedOutput, Reduction, Variable
 from uqpen.distributions.joint_distribution import JointDistribution
-from uqpen.models.command.model import OUTCOME_OUTPUT
+from uqpen.models.outcomes import undecided_outcome
 from uqpen.models.user_code import check_signature
 from uqpen.models.user_module import load_function
 from uqpen.reductions import REDUCTIONS
@@ -424,7 +424,8 @@ def _read_quantified(
         raise QuantityError(found, _EVENT)
     (quantifier,) = quantifiers
     with _within(quantifier):
-        return _read_limits(content.pop(quantifier), model), quantifier == _ANY
+        is_any = quantifier == _ANY
+        return _read_limits(content.pop(quantifier), model, is_any=is_any), is_any
 
 
 def _read_given(written: object, model: Model) -> JointEvent:
@@ -450,10 +451,14 @@ def _within(key: str) -> Iterator[None]:
         raise SettingsError([each.within(key) for each in error.problems]) from None
 
 
-def _read_limits(written: object, model: Model) -> tuple[OutputLimit, ...]:
+def _read_limits(written: object, model: Model, *, is_any: bool = False) -> tuple[OutputLimit, ...]:
     limits = read_list(written, lambda each: _read_limit(each, model))
     if not limits:
         raise QuantityError("an empty list", _LIMIT)
+    outcomes = [each for each in limits if each.is_category]
+    for each in outcomes if len(outcomes) < len(limits) else ():
+        if fault := undecided_outcome(each.text, is_any=is_any):
+            raise QuantityError(*fault)
     return tuple(limits)
 
 
@@ -465,7 +470,8 @@ def _read_limit(written: object, model: Model) -> OutputLimit:
         *negation, flag = text.split() or [""]
         if flag in flags and negation in ([], ["not"]):
             position = float(flags.index(flag))
-            return OutputLimit(text, OUTCOME_OUTPUT, not negation, position, is_category=True)
+            words = " ".join(text.split())
+            return OutputLimit(words, OUTCOME_OUTPUT, not negation, position, is_category=True)
         expected = f"{_LIMIT}; or an outcome, {', '.join(flags[1:])}" if flags else _LIMIT
         raise QuantityError(toml_text(written), expected)
     name, sign, value = match.groups()

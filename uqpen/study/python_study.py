@@ -78,6 +78,10 @@ class PythonModel:
         In a study with several models: values of inputs that replace the study's own.
     dimensions : mapping of str to mapping, optional
         Dimensions that several outputs have, for the names in their `along`.
+    outcomes : mapping of str to class, optional
+        Exceptions that are results, such as ``{"unstable": UnstableError}``: a run that raises one
+        is completed, with this category and without numbers. A text names a class of the
+        function's module.
     """
 
     function: Callable[..., Mapping[str, Any]]
@@ -88,6 +92,7 @@ class PythonModel:
     memory_limit: str | None = None
     replaced: Mapping[str, str | float] = field(default_factory=dict)
     dimensions: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    outcomes: Mapping[str, type[BaseException] | str] = field(default_factory=dict)
 
     def table(self) -> dict[str, Any]:
         """Return its declaration as a table of a study file, with the function itself."""
@@ -100,6 +105,16 @@ class PythonModel:
             "dimensions": self.dimensions or None,
             "inputs": self.inputs,
             "outputs": self._output_tables(),
+            "outcomes": self._outcome_tables() or None,
+        }
+
+    def _outcome_tables(self) -> Any:
+        given: Any = self.outcomes
+        if not isinstance(given, Mapping):
+            return given  # which its reader refuses
+        return {
+            name: each if isinstance(each, Mapping) else {"exception": each}
+            for name, each in given.items()
         }
 
     def _output_tables(self) -> Mapping[str, str | OutputSpec]:
@@ -394,6 +409,9 @@ class StudyContent:
             return self._table(value, path)
         if isinstance(value, PythonModel):
             return self._table(value.table(), path)
+        if isinstance(value, type) and issubclass(value, BaseException):
+            self.objects[path[:-1]] = value
+            return value.__name__
         faults = list(find_variable_faults(value)) if isinstance(value, Model) else []
         if faults:
             named = type(value).__name__

@@ -24,6 +24,7 @@ from uqpen.models.umbridge import (
     VectorSizes,
     request_sizes,
 )
+from uqpen.study.outcomes_section import refuse_outcomes
 from uqpen.study.table_reader import TableReader
 from uqpen.study.variables_section import Variables, read_variables, refuse_grids
 
@@ -83,6 +84,7 @@ def read_umbridge(table: TableReader) -> Model | None:
     wanted = table.settings(_ServerSettings)
     variables = read_variables(table)
     refuse_grids(table, variables.fields, "none: a server's vectors have one length for all runs")
+    refuse_outcomes(table, "outcomes of a server, whose errors do not say how a run ended")
     if wanted is None or len(table.problems) > noted:
         return None
     name, sizes = wanted.name or "its only model", None

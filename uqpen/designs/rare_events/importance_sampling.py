@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Generator
 from dataclasses import dataclass, field
 
@@ -306,13 +307,15 @@ class ImportanceStages:
         self, performance: FloatArray, occurs: BoolArray, missing: BoolArray, weights: FloatArray
     ) -> BoolArray:
         """Return the draws to fit to: those with the event, or the nearest to it; may be none."""
-        known = np.isfinite(performance) & ~missing
+        # An outcome that is the event lies in it, and one that is not is nowhere near.
+        known = (performance > -np.inf) & ~missing
         if effective_size(weights[occurs]) >= _ENOUGH / 3 or not known.any():
             return occurs
         last = np.zeros(len(performance), dtype=np.bool_)
         last[-self._mixtures[-1].number :] = True
         among = known & last if (known & last).any() else known
-        threshold = min(0.0, float(np.quantile(performance[among], 1 - _NEAREST)))
+        finite = np.minimum(performance[among], sys.float_info.max)
+        threshold = min(0.0, float(np.quantile(finite, 1 - _NEAREST)))
         nearest = known & (performance >= threshold)
         return nearest if nearest.sum() <= _USELESS * known.sum() else occurs
 

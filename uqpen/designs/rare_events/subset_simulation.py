@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
-from uqpen.core.errors import Problem
+from uqpen.core.errors import Problem, toml_text
 from uqpen.core.labels import CHAIN_PARENT, LEVEL_THRESHOLD, SUBSET_LEVEL
 from uqpen.core.limits import MOST_REPLICATES
 from uqpen.core.settings import count
 from uqpen.core.streams import Stream
-from uqpen.designs.rare_events.limit_state import EventOutcomes, LimitState
+from uqpen.designs.rare_events.limit_state import EventOutcomes, LimitState, parse_limit_state
 from uqpen.designs.rare_events.rare_event_design import RareEventDesign, Replicate, RequestedPoints
+from uqpen.designs.stopping.stopping_rule import RequestedOutput
 from uqpen.distributions.joint_distribution import JointDistribution
 
 # States of the Markov chains of subset simulation, and the levels that they have reached.
@@ -35,7 +36,9 @@ class ChainStates(NamedTuple):
     """States at one level: a sample of the inputs, given that a run reaches the level."""
 
     runs: IntArray  # (state,): number of the run that each state is
-    performance: FloatArray  # (state,): how near it comes to the event; infinite for a failed run
+    # (state,): how near it comes to the event; infinite for a failed run, and for an outcome that
+    # is the event.
+    performance: FloatArray
     # With missing: (state,): whether the event occurs, and whether that is unknown.
     occurs: BoolArray
     missing: BoolArray
@@ -158,6 +161,13 @@ class SubsetSimulation(RareEventDesign):
     def check_settings(self) -> Iterator[Problem]:
         if self.samples % (STEPS + 1):
             yield Problem(("samples",), str(self.samples), f"a multiple of {STEPS + 1}")
+
+    def check_outputs(self, requested: Sequence[RequestedOutput]) -> Iterator[Problem]:
+        problems = list(super().check_outputs(requested))
+        yield from problems
+        if not problems and not parse_limit_state(self.event).of_numbers:
+            expected = "a limit of a number beside it, or importance-sampling: no run comes nearer"
+            yield Problem(("event",), toml_text(self.event), expected)
 
     @property
     def replicate_count(self) -> int:

@@ -21,14 +21,16 @@ import numpy as np
 from uqpen.core.arrays import Arrays, FloatArray
 from uqpen.core.errors import ModelError
 from uqpen.core.files import FileSnapshot
+from uqpen.core.labels import OUTCOME_OUTPUT
 from uqpen.core.limits import Limits
-from uqpen.core.model import Category, Input, Model, Output, Results, RunOutcome, joined_outcomes
+from uqpen.core.model import Input, Model, Output, Results, RunOutcome, joined_outcomes
 from uqpen.core.settings import choice, validate
 from uqpen.core.status import STATUS_TEXT, Status
-from uqpen.core.units import DIMENSIONLESS, scale
+from uqpen.core.units import scale
 from uqpen.models.command.output_readers import OutputReader, RunFiles, TextReader, UnreadableError
 from uqpen.models.command.process import STDERR, STDOUT, ProcessEnd, guard_folder, run_process
 from uqpen.models.command.program import BRACES, Delimiters, NotWholeError, Program, fill
+from uqpen.models.outcomes import DeclaredOutcome, with_outcome
 from uqpen.models.run_grid import FieldSources, RunGrid, UnusableOutputError, dimension_names
 from uqpen.models.user_code import one_line
 
@@ -211,26 +213,13 @@ _PATHS = {"inputs": INPUTS, "outputs": OUTPUTS}
 _NO_INTERPRETER = "cannot be started: what its first line names to run it with is not there"
 
 
-# The output that has the category of each run, where a study declares outcomes.
-OUTCOME_OUTPUT = "outcome"
-COMPLETED = "completed"  # the category of all other runs
-
-
-@dataclass(frozen=True)
-class DeclaredOutcome:
-    """Ending of a program that is a result: the run is completed, and has no numbers."""
-
-    name: str
-    exit_code: int | None = None  # the exit code by which it is known, or else
-    text: str = ""  # a text in a line that the program prints
-
-    def is_met(self, ending: ProcessEnd, folder: Path) -> bool:
-        """Return True if a program ended so; one that a signal has ended never did."""
-        if ending.signal or ending.is_late:
-            return False
-        if self.exit_code is not None:
-            return ending.code == self.exit_code
-        return any(_is_printed(self.text.encode(), folder / name) for name in (STDOUT, STDERR))
+def _has_ended(outcome: DeclaredOutcome, ending: ProcessEnd, folder: Path) -> bool:
+    """Return True if a program ended with an outcome; one that a signal has ended never did."""
+    if ending.signal or ending.is_late:
+        return False
+    if outcome.exit_code is not None:
+        return ending.code == outcome.exit_code
+    return any(_is_printed(outcome.text.encode(), folder / name) for name in (STDOUT, STDERR))
 
 
 def _is_printed(text: bytes, path: Path) -> bool:
@@ -239,21 +228,6 @@ def _is_printed(text: bytes, path: Path) -> bool:
             return any(text in line for line in stream)
     except OSError:
         return False
-
-
-def with_outcomes(
-    outputs: Sequence[Output], outcomes: Sequence[DeclaredOutcome]
-) -> tuple[Output, ...]:
-    """Return outputs that runs with an outcome lack, and the category of each run."""
-    if not outcomes:
-        return tuple(outputs)
-    names = [each.name.replace("_", " ") for each in outcomes]
-    absent = f"the run ends as {' or '.join(names)}"
-    categories = [Category(each.name, each.name.replace("_", " ")) for each in outcomes]
-    category = Output(
-        OUTCOME_OUTPUT, DIMENSIONLESS, categories=(Category(COMPLETED, COMPLETED), *categories)
-    )
-    return (*(replace(each, absent=absent) for each in outputs), category)
 
 
 @dataclass(frozen=True)
@@ -296,7 +270,7 @@ class Command(Model):
     reads_again: bool = False
     # The grids on which runs write outputs, and the files with coordinates.
     fields: FieldSources = field(default=FieldSources(), repr=False)
-    outcomes: tuple[DeclaredOutcome, ...] = ()  # endings that are results; see `with_outcomes`
+    outcomes: tuple[DeclaredOutcome, ...] = ()  # endings that are results
     name: str = field(init=False)
 
     vectorized = False
@@ -425,8 +399,8 @@ class Command(Model):
         if ending.is_late:
             return RunOutcome({}, Status.TIMED_OUT, self.limits.timeout_reason)
         for number, outcome in enumerate(self.outcomes, 1):
-            if outcome.is_met(ending, folder):
-                return RunOutcome({OUTCOME_OUTPUT: np.array(float(number))})
+            if _has_ended(outcome, ending, folder):
+                return with_outcome(number)
         if ending.code:
             status = Status.CRASHED if ending.signal else Status.FAILED
             how = f"ended by {ending.signal}" if ending.signal else f"exit code {ending.code}"

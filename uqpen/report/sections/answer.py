@@ -14,7 +14,7 @@ from uqpen.archive.read import group_names, read_group
 from uqpen.charts.chart import Block
 from uqpen.charts.distributions import model_chart
 from uqpen.charts.histograms import histogram
-from uqpen.core.labels import DIFFERENCES, RUNS, SURROGATES, THRESHOLD
+from uqpen.core.labels import DIFFERENCES, OUTCOME_OUTPUT, RUNS, SURROGATES, THRESHOLD
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.core.units import DIMENSIONLESS
@@ -38,6 +38,7 @@ from uqpen.report.sections.sentences import (
     moments,
     no_break,
     ordered_outputs,
+    outcome_sentences,
     output_name,
     output_sentences,
     rare_event_findings,
@@ -96,7 +97,9 @@ def _answer(view: ArchiveView) -> Iterator[Block]:
     quantities = [each for entry in shown for each in entry.quantities]
     findings = {
         "What drives it?": chain(*(driver_sentences(view, output) for output in main)),
-        "Did all runs succeed?": missing_run_sentences(view, design),
+        "Did all runs succeed?": chain(
+            missing_run_sentences(view, design), outcome_sentences(view, design)
+        ),
         "Does it agree with published values?": published_sentences(view, design),
         "Do the other methods agree?": agreement_sentences(quantities, design),
     }
@@ -117,7 +120,13 @@ def _stated_blocks(
         yield Text(caveat)
     main = main_outputs(view)
     of_main = [entry.sentences for entry in shown if entry.output in main]
-    rest = [each for entry in shown if entry.output not in main for each in entry.sentences]
+    # How often runs end with an outcome is said with how many of them failed.
+    rest = [
+        each
+        for entry in shown
+        if entry.output not in (*main, OUTCOME_OUTPUT)
+        for each in entry.sentences
+    ]
     first = [each for sentences in of_main for each in sentences[:1]]
     second = [each for sentences in of_main for each in sentences[1:]]
     room = max(_MOST_SENTENCES - len(first), 0)

@@ -16,7 +16,7 @@ from uqpen.charts.chart import Block
 from uqpen.charts.marks import has_interval
 from uqpen.core.arrays import FloatArray
 from uqpen.core.catalogue import CATALOGUE, MEAN, QUANTILE, REQUESTED, STD
-from uqpen.core.labels import CATEGORY, INTERVAL_LEVEL, RUNS, SURROGATES
+from uqpen.core.labels import CATEGORY, INTERVAL_LEVEL, OUTCOME_OUTPUT, RUNS, SURROGATES
 from uqpen.core.sampling import Sampling
 from uqpen.core.statistic import Statistic, UnitRule
 from uqpen.core.status import Status
@@ -339,6 +339,13 @@ def output_sentences(view: ArchiveView, output: str, design: str) -> OutputSente
         max(0, len(below) - _MOST_FURTHER),
         tuple(_further(each, design) for each in below[:_MOST_FURTHER]),
     )
+
+
+def outcome_sentences(view: ArchiveView, design: str) -> Iterator[str]:
+    """Yield how often runs end with the outcomes that the study declares."""
+    if OUTCOME_OUTPUT in view.categorical_outputs:
+        entry = output_sentences(view, OUTCOME_OUTPUT, design)
+        yield from entry.sentences if entry else ()
 
 
 def _further(quantity: QuotedStatistic, design: str) -> Finding:

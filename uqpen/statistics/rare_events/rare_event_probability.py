@@ -54,7 +54,9 @@ def rare_event(runs: xr.Dataset) -> RareEvent | None:
         event = parse_limit_state(str(runs.attrs.get(RARE_EVENT, "")))
     except QuantityError:
         return None
-    if method is None or not {*event.outputs, *method.coordinates} <= set(map(str, runs.variables)):
+    if method is None or not {*method.coordinates} <= set(map(str, runs.variables)):
+        return None
+    if not event.is_of(runs):
         return None
     return RareEvent(event, method)
 

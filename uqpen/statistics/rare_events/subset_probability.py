@@ -23,7 +23,7 @@ from uqpen.core.labels import (
     SUBSET_LEVEL,
 )
 from uqpen.core.lookup import resolve
-from uqpen.designs.rare_events.limit_state import EventOutcomes, LimitState
+from uqpen.designs.rare_events.limit_state import EventOutcomes, LimitState, NamedOutcome
 from uqpen.designs.rare_events.subset_simulation import STEPS, ChainStates
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
@@ -61,7 +61,31 @@ def subset_probability(runs: xr.Dataset, event: LimitState, level: float) -> Rar
     plain = 3 / runs.sizes[RUN]  # the rule of three
     unmet = texts.UNMET_PART.format(probability=plain)
     estimate = replicate_interval(found, level)
-    return RareEventProbability(estimate.with_note(unmet))
+    unled = "" if estimate.label == "none" else _unled(runs, event, outcomes)
+    return RareEventProbability(estimate.with_note(unled, unmet))
+
+
+# So many draws of an outcome in each replicate say by themselves how probable it is.
+_ENOUGH_DRAWS = 10
+
+
+def _unled(runs: xr.Dataset, event: LimitState, outcomes: EventOutcomes) -> str:
+    """Return which outcomes a few independent draws have met alone; empty for none.
+
+    A level leads to an outcome where a chain has moved there from a run without it.
+    """
+    level = runs[SUBSET_LEVEL].values
+    moved, drawn = np.flatnonzero(level > 0), np.flatnonzero(level == 0)
+    parents, replicates = runs[CHAIN_PARENT].values[moved], runs[REPLICATE].values
+    found = []
+    for limit, excess in zip(event.limits, outcomes.excess, strict=True):
+        if isinstance(limit, NamedOutcome) and event.is_any:
+            is_so = np.isposinf(excess)
+            is_led = bool((is_so[moved] & ~is_so[parents]).any())
+            counts = np.bincount(replicates[drawn], is_so[drawn])
+            if is_so.any() and not is_led and counts.min() < _ENOUGH_DRAWS:
+                found.append(f"“{limit}”")
+    return texts.UNLED_OUTCOME.format(outcome=" and ".join(found)) if found else ""
 
 
 class Level(NamedTuple):
@@ -130,7 +154,7 @@ class TailFunction:
     def of(cls, runs: xr.Dataset, event: LimitState) -> TailFunction | None:
         """Follow the chains of all replicates; None where a replicate has no draw that counts."""
         outcomes, replicate = event.outcomes(runs), runs[REPLICATE].values
-        (limit,) = event.limits
+        (limit,) = event.of_numbers
         sign = 1.0 if limit.is_above else -1.0
         values = sign * runs[limit.output].values
         by_replicate = []
@@ -243,14 +267,13 @@ def rare_quantiles(
     rare = rare_event(runs)
     if rare is None or not rare.method.quantiles or quantity.output.name not in rare.event.outputs:
         return
-    limits = rare.event.limits
-    is_above = limits[0].is_above
+    is_above = rare.event.of_numbers[0].is_above
     contents = quantity.tolerance_contents if is_above else quantity.lower_tolerance_contents
     if quantity.quantiles == DEFAULT_QUANTILES and not contents:
         return
     reason = texts.SEVERAL_LIMITS
     tail: TailFunction | None = None
-    if len(limits) == 1:
+    if len(rare.event.limits) == 1:
         tail = resolve(rare.method.quantiles)(runs, rare.event)
         reason = texts.NO_ADMISSIBLE_REPLICATE
     level, title = quantity.confidence_level, quantity.output.title
