@@ -242,6 +242,78 @@ class TestDependence:
         assert "inputs.x2.normal.std" in report
 
 
+class TestRowsMeasuredTogether:
+    """``[dependence] measured``: a copula fitted to rows of a file."""
+
+    @pytest.fixture
+    def rows(self, tmp_path):
+        rng = np.random.default_rng(3)
+        drawn = rng.multivariate_normal([0, 0], [[1, 0.7], [0.7, 1]], 40)
+        lines = [f"{x1:.4f},{x2:.3f},soft" for x1, x2 in drawn]
+        lines[7] = ",0.1,soft"
+        (tmp_path / "rows.csv").write_text("\n".join(["x1,x2,kind", *lines]) + "\n")
+        return tmp_path
+
+    def text(self, lines='measured = "rows.csv"\n'):
+        return changed('copula = "gaussian"\n' + PAIRS, lines)
+
+    def test_the_copula_is_fitted_and_said_in_the_archive(self, rows):
+        study = parse_study(self.text(), folder=rows)
+        one, two = study.joint.dependence.inputs
+        assert (one, two) == ("x1", "x2")
+        said = run(study)[f"{RUNS}/mc"].attrs[DEPENDENCE]
+        assert "fitted to 39 rows of rows.csv (1 row with a blank left out): " in said
+        assert "; next by likelihood " in said
+        assert [file.path.name for file in study.joint.files] == ["rows.csv"]
+
+    def test_a_copula_may_be_given(self, rows):
+        study = parse_study(self.text('measured = "rows.csv"\ncopula = "frank"\n'), folder=rows)
+        assert isinstance(study.joint.dependence, FrankCopula)
+        assert "next by" not in study.joint.dependence_text
+
+    def test_check_warns_of_one_that_does_not_fit(self, rows, monkeypatch, capsys):
+        monkeypatch.chdir(rows)
+        x = np.random.default_rng(1).random(60)
+        table = np.column_stack([x, np.abs(x - 0.3)])
+        np.savetxt("rows.csv", table, delimiter=",", header="x1,x2", comments="")
+        Path("s.toml").write_text(self.text())
+        monkeypatch.setattr(sys, "argv", ["uqpen", "check", "s.toml"])
+        with pytest.raises(SystemExit, match="0"):
+            main()
+        shown = " ".join(capsys.readouterr().out.split())
+        assert "does not fit the rows of rows.csv: of samples of it, a share of 0.005" in shown
+
+    @pytest.mark.parametrize(
+        ("lines", "key", "found", "expected"),
+        [
+            ('measured = "no.csv"\n', "measured", "there is no file", "a CSV or NetCDF file"),
+            (
+                'measured = "rows.csv"\ncopula = "jo"\n',
+                "copula",
+                '"jo"',
+                'did you mean "joe"?',
+            ),
+            (
+                'measured = "rows.csv"\ninputs = ["x1", "x3"]\n',
+                "inputs[1]",
+                '"x3", an input that is fixed',
+                "a random input",
+            ),
+            (
+                'measured = "rows.csv"\ntheta = 2\n',
+                "theta",
+                "an unknown key",
+                "known: measured, inputs, copula",
+            ),
+        ],
+    )
+    def test_a_mistake_is_reported(self, rows, lines, key, found, expected):
+        message = reported(self.text(lines), rows)
+        assert f"dependence.{key}" in message
+        assert found in message
+        assert expected in message
+
+
 @dataclass(frozen=True)
 class Independent(Design):
     """Stands for those whose indices need independent inputs."""

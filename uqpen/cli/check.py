@@ -83,6 +83,8 @@ def _input_remarks(study: ValidatedStudy) -> Iterator[str]:
     """Yield remarks on the random inputs that their distributions do not state."""
     if text := study.joint.dependence_text:
         yield text
+    if (measured := study.joint.measured_dependence) and measured.warning:
+        yield f"warning: {measured.warning}"
     for entry in study.joint.random:
         if "fit_warning" in entry.fit:
             yield f"warning: {entry.variable.name}: {entry.fit['fit_warning']}"

@@ -82,13 +82,16 @@ class ColumnFile:
     columns: tuple[Column, ...]
 
 
-def read_columns(path: Path, labels: Mapping[str, Sequence[str]] | None = None) -> ColumnFile:
+def read_columns(
+    path: Path, labels: Mapping[str, Sequence[str]] | None = None, *, blanks: bool = False
+) -> ColumnFile:
     """Read the columns of a file.
 
     They are the variables along one dimension of a NetCDF file, which ends in ``.nc``. Anything
     else is read as CSV under a row of headings ``name [unit]``, or as the first sheet of an Excel
     file, which ends in ``.xlsx``. Columns with `labels` may have
-    these texts there; their positions are read.
+    these texts there; their positions are read. With `blanks`, an empty entry there is not a number
+    instead of a mistake.
 
     TableError if it is not there, or cannot be read.
     """
@@ -99,7 +102,7 @@ def read_columns(path: Path, labels: Mapping[str, Sequence[str]] | None = None) 
             columns = _netcdf(path, content)
         else:
             rows = _excel if path.suffix.lower() == ".xlsx" else _csv
-            columns = _columns(path, rows(path, content), labels or {})
+            columns = _columns(path, rows(path, content), labels or {}, blanks)
         return ColumnFile(FileSnapshot.from_content(path, content), columns)
     except FileNotFoundError:
         raise TableError(f'there is no file "{path}"') from None
@@ -164,7 +167,10 @@ def _excel(path: Path, content: bytes) -> Iterator[tuple[int, list[str]]]:
 
 
 def _columns(
-    path: Path, every: Iterator[tuple[int, list[str]]], labels: Mapping[str, Sequence[str]]
+    path: Path,
+    every: Iterator[tuple[int, list[str]]],
+    labels: Mapping[str, Sequence[str]],
+    blanks: bool,
 ) -> tuple[Column, ...]:
     """Return the columns of rows; the headings stand in the first."""
     lines = ((line, row) for line, row in every if any(map(str.strip, row)))
@@ -173,7 +179,8 @@ def _columns(
         raise TableError(f'"{path.name}" is empty')
     parts = [heading_parts(heading, f'"{path.name}"') for heading in header]
     entries = [
-        _Entries(position, tuple(labels.get(name, ()))) for position, (name, _) in enumerate(parts)
+        _Entries(position, tuple(labels.get(name, ())), blanks)
+        for position, (name, _) in enumerate(parts)
     ]
     while rows := list(islice(lines, _ROWS)):
         for line, row in rows:
@@ -192,8 +199,8 @@ def _columns(
 class _Entries:
     """Numbers of one column of a CSV file, up to the first entry that is none."""
 
-    def __init__(self, position: int, labels: Sequence[str]) -> None:
-        self._position, self._labels = position, labels
+    def __init__(self, position: int, labels: Sequence[str], blanks: bool) -> None:
+        self._position, self._labels, self._blanks = position, labels, blanks
         self._parts: list[FloatArray] = []
         self._wrong: tuple[int, str] | None = None
 
@@ -206,6 +213,9 @@ class _Entries:
             text = row[self._position].strip()
             if text in self._labels:
                 values[place] = self._labels.index(text)
+                continue
+            if self._blanks and not text:
+                values[place] = np.nan
                 continue
             is_long = len(text) > _LONGEST_NUMBER
             if is_long or not _NUMBER.fullmatch(text) or not math.isfinite(float(text)):

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from uqpen.core.errors import Problem
 from uqpen.core.files import FileSnapshot
@@ -19,6 +19,9 @@ from uqpen.designs.drawn_points import DrawnPoints, Points, Round, points_of
 from uqpen.designs.stopping.stopping_rule import RequestedOutput
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.execution import first_repeats
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 REPEATS = "repeats"
 """The key of a design with the number of runs at each point."""

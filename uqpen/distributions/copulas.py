@@ -7,7 +7,7 @@ import math
 import operator
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from types import MappingProxyType
 from typing import ClassVar
@@ -72,6 +72,32 @@ class Dependence(ABC):
     @abstractmethod
     def description(self) -> str:
         """Parameters in one line."""
+
+    @property
+    def parameters(self) -> int:
+        """Number of parameters that a fit decides."""
+        return 1
+
+    @classmethod
+    def fit(
+        cls, inputs: tuple[str, ...], kendall: FloatArray, ranks: FloatArray
+    ) -> Dependence | None:
+        """Return the copula with given rank correlations; None if it cannot have them.
+
+        Parameters
+        ----------
+        inputs : tuple of str
+            The inputs that it joins.
+        kendall : ndarray, shape (input, input)
+            Kendall's rank correlations.
+        ranks : ndarray, shape (row, input)
+            Ranks of measurements over their number plus 1, for parameters beside these.
+        """
+        return None
+
+    def log_density(self, probability: FloatArray) -> FloatArray:
+        """Return the logarithm of the density at points of the unit cube, shape (run, input)."""
+        raise NotImplementedError(f"{self.title} has no density")
 
     @abstractmethod
     def score(self, probability: FloatArray) -> FloatArray:
@@ -156,6 +182,28 @@ class _OneParameter(Dependence):
     """Copula with a parameter `theta`, the same for every pair of its inputs."""
 
     theta: float
+    # The parameters between which a fit looks, of positive dependence.
+    fitted: ClassVar[tuple[float, float]] = (1 + 1e-6, _STRONGEST - 1e-6)
+
+    @classmethod
+    def fit(
+        cls, inputs: tuple[str, ...], kendall: FloatArray, ranks: FloatArray
+    ) -> Dependence | None:
+        mean = float(kendall[np.triu_indices(len(inputs), 1)].mean())
+
+        def excess(theta: float) -> float:
+            return cls(inputs, theta).kendall - mean  # type: ignore[call-arg]
+
+        try:
+            theta = float(scipy.optimize.brentq(excess, *cls.ends(mean), xtol=1e-12))
+            return cls(inputs, theta)  # type: ignore[call-arg]
+        except (SettingsError, ValueError):  # of more inputs than it joins, or beyond its range
+            return None
+
+    @classmethod
+    def ends(cls, kendall: float) -> tuple[float, float]:
+        """Return the parameters between which one with a rank correlation lies."""
+        return cls.fitted
 
     @property
     @abstractmethod
@@ -180,12 +228,23 @@ class _Bivariate(_OneParameter):
 class ClaytonCopula(_OneParameter):
     """Clayton copula, with dependence in the lower tail: small values occur together."""
 
+    fitted = (1e-6, _STRONGEST - 1e-6)
+
     inputs: tuple[str, ...]
     theta: float = number(above=0, below=_STRONGEST)
 
     @property
     def kendall(self) -> float:
         return self.theta / (self.theta + 2)
+
+    def log_density(self, probability: FloatArray) -> FloatArray:
+        logarithms = np.log(probability)
+        size = probability.shape[1]
+        total = scipy.special.log1p(self.score(probability).sum(axis=1))
+        constant = scipy.special.log1p(self.theta * np.arange(size)).sum()
+        return (
+            constant - (1 + self.theta) * logarithms.sum(axis=1) - (1 / self.theta + size) * total
+        )
 
     def score(self, probability: FloatArray) -> FloatArray:
         return scipy.special.expm1(-self.theta * np.log(probability))
@@ -210,6 +269,16 @@ class GumbelCopula(_Bivariate):
     @property
     def kendall(self) -> float:
         return 1 - 1 / self.theta
+
+    def log_density(self, probability: FloatArray) -> FloatArray:
+        scores = self.score(probability)
+        total = (scores**self.theta).sum(axis=1) ** (1 / self.theta)
+        return (
+            (scores + (self.theta - 1) * np.log(scores)).sum(axis=1)
+            - total
+            + (1 - 2 * self.theta) * np.log(total)
+            + np.log(total + self.theta - 1)
+        )
 
     def score(self, probability: FloatArray) -> FloatArray:
         return -np.log(probability)
@@ -250,10 +319,25 @@ class FrankCopula(_Bivariate):
     @property
     def kendall(self) -> float:
         # Debye's function of the first order, by Gauss's rule: its integrand is smooth.
-        nodes, weights = np.polynomial.legendre.leggauss(200)
+        nodes, weights = _gauss_rule()
         x = abs(self.theta) * (nodes + 1) / 2
         debye = float((weights * x / scipy.special.expm1(x)).sum() / 2)
         return float(np.copysign(1 - 4 / abs(self.theta) * (1 - debye), self.theta))
+
+    @classmethod
+    def ends(cls, kendall: float) -> tuple[float, float]:
+        return (1e-6, 100 - 1e-6) if kendall > 0 else (-100 + 1e-6, -1e-6)
+
+    def log_density(self, probability: FloatArray) -> FloatArray:
+        theta = abs(self.theta)
+        first, second = probability.T
+        if self.theta < 0:
+            second = 1 - second
+        whole = -scipy.special.expm1(-theta)
+        # Both parts are positive: their sum loses no digit.
+        rest = -np.exp(-theta * first) * scipy.special.expm1(-theta * second)
+        rest -= np.exp(-theta * second) * scipy.special.expm1(-theta * (1 - second))
+        return np.log(theta * whole) - theta * (first + second) - 2 * np.log(rest)
 
     def score(self, probability: FloatArray) -> FloatArray:
         return probability
@@ -276,6 +360,11 @@ class FrankCopula(_Bivariate):
         return second if self.theta > 0 else 1 - second
 
 
+@functools.cache
+def _gauss_rule() -> tuple[FloatArray, FloatArray]:
+    return np.polynomial.legendre.leggauss(200)
+
+
 @dataclass(frozen=True)
 class JoeCopula(_Bivariate):
     """Joe copula: stronger dependence in the upper tail than Gumbel's, weaker elsewhere."""
@@ -290,6 +379,16 @@ class JoeCopula(_Bivariate):
         if abs(a - 1) > 1e-6:  # nearer, the difference would cancel
             slope = float(scipy.special.digamma(2.0) - scipy.special.digamma(a + 1)) / (1 - a)
         return 1 - a * slope
+
+    def log_density(self, probability: FloatArray) -> FloatArray:
+        scores = self.score(probability)  # theta times the logarithm of what is above
+        # 1 - (1 - exp(s1)) (1 - exp(s2)), to its own full accuracy.
+        joined = np.exp(scores).sum(axis=1) - np.exp(scores.sum(axis=1))
+        return (
+            (1 / self.theta - 2) * np.log(joined)
+            + (1 - 1 / self.theta) * scores.sum(axis=1)
+            + np.log(self.theta - 1 + joined)
+        )
 
     def score(self, probability: FloatArray) -> FloatArray:
         return self.theta * scipy.special.log1p(-probability)
@@ -382,6 +481,21 @@ class EllipticalCopula(Dependence):
         scores = self.measures[0].replace("-", " ")
         return f"correlation of {scores}: {', '.join(pairs or ['none'])}"
 
+    @property
+    def parameters(self) -> int:
+        return len(self.inputs) * (len(self.inputs) - 1) // 2
+
+    @classmethod
+    def fit(
+        cls, inputs: tuple[str, ...], kendall: FloatArray, ranks: FloatArray
+    ) -> Dependence | None:
+        scores = np.sin(np.pi * kendall / 2)
+        np.fill_diagonal(scores, 1.0)
+        try:
+            return cls(inputs, tuple(tuple(row) for row in scores.tolist()))
+        except SettingsError:  # no joint distribution has all of them
+            return None
+
     def _regression(
         self, position: int, known: Mapping[int, FloatArray]
     ) -> tuple[FloatArray, float]:
@@ -421,6 +535,13 @@ class GaussianCopula(EllipticalCopula):
         mean, std = self._regression(position, known)
         return mean + std * scipy.special.ndtri(probability)
 
+    def log_density(self, probability: FloatArray) -> FloatArray:
+        scores = self.score(probability)
+        distance = self._distance(dict(enumerate(scores.T)))
+        return (
+            (scores**2).sum(axis=1) - distance - np.linalg.slogdet(np.array(self.matrix))[1]
+        ) / 2
+
 
 @dataclass(frozen=True)
 class StudentCopula(EllipticalCopula):
@@ -453,6 +574,44 @@ class StudentCopula(EllipticalCopula):
         degrees = self.degrees + len(known)
         widening = np.sqrt((self.degrees + self._distance(known)) / degrees)
         return mean + scale * widening * scipy.special.stdtrit(degrees, probability)
+
+    @property
+    def parameters(self) -> int:
+        return super().parameters + 1
+
+    @classmethod
+    def fit(
+        cls, inputs: tuple[str, ...], kendall: FloatArray, ranks: FloatArray
+    ) -> Dependence | None:
+        """Return the copula with given rank correlations and the likeliest degrees of freedom."""
+        found = super().fit(inputs, kendall, ranks)
+        if not isinstance(found, StudentCopula):
+            return None
+
+        def negative_likelihood(logarithm: float) -> float:
+            made = replace(found, degrees=math.exp(logarithm))
+            return -float(made.log_density(ranks).sum())
+
+        # With more degrees it is a Gaussian copula in all but name.
+        ends = (math.log(1.1), math.log(100.0))
+        best = scipy.optimize.minimize_scalar(
+            negative_likelihood, bounds=ends, options={"xatol": 0.02}
+        )
+        return replace(found, degrees=math.exp(float(best.x)))
+
+    def log_density(self, probability: FloatArray) -> FloatArray:
+        scores, size = self.score(probability), len(self.inputs)
+        distance = self._distance(dict(enumerate(scores.T)))
+        gamma = scipy.special.gammaln
+        half = self.degrees / 2
+        constant = (
+            gamma(half + size / 2)
+            + (size - 1) * gamma(half)
+            - size * gamma(half + 0.5)
+            - np.linalg.slogdet(np.array(self.matrix))[1] / 2
+        )
+        own = scipy.special.log1p(scores**2 / self.degrees).sum(axis=1) * (half + 0.5)
+        return constant - (half + size / 2) * scipy.special.log1p(distance / self.degrees) + own
 
 
 def _entry_problems(matrix: Matrix) -> Iterator[Problem]:

@@ -55,6 +55,15 @@ class RandomInput:
 
 
 @dataclass(frozen=True)
+class MeasuredDependence:
+    """Rows of a file to which a copula is fitted."""
+
+    description: str  # their number, and how well it fits
+    warning: str  # that it does not fit; empty if it does
+    file: FileSnapshot
+
+
+@dataclass(frozen=True)
 class JointDistribution:
     """Joint distribution of a study's inputs, in the model's order.
 
@@ -69,6 +78,7 @@ class JointDistribution:
     dependence: Dependence | None = None
     # Joint distributions of further inputs, which have entries as all random inputs have.
     groups: tuple[InputGroup, ...] = ()
+    measured_dependence: MeasuredDependence | None = None  # what the copula is fitted to
 
     @property
     def fixed(self) -> tuple[FixedInput, ...]:
@@ -83,7 +93,9 @@ class JointDistribution:
     @property
     def files(self) -> tuple[FileSnapshot, ...]:
         """Snapshots of the files from which its distributions follow."""
-        own = (file for entry in self.random for file in entry.files)
+        own = [file for entry in self.random for file in entry.files]
+        if self.measured_dependence is not None:
+            own.append(self.measured_dependence.file)
         return (*own, *(file for group in self.groups for file in group.files))
 
     @property
@@ -95,7 +107,10 @@ class JointDistribution:
     def dependence_text(self) -> str:
         """Text on the dependence between inputs; empty where they are independent."""
         parts = [self.dependence, *self.groups] if self.dependence else self.groups
-        return "; ".join(map(str, parts))
+        texts = [str(part) for part in parts]
+        if self.measured_dependence is not None:
+            texts[0] += f", {self.measured_dependence.description}"
+        return "; ".join(texts)
 
     @property
     def conditional_reason(self) -> str:

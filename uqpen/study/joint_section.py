@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from uqpen.core.arrays import FloatArray
+from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.columns import Column, columns_of_table, read_columns
 from uqpen.core.errors import ConstraintError, QuantityError, SettingsError, TableError, toml_text
 from uqpen.core.files import FileSnapshot
@@ -17,7 +17,9 @@ from uqpen.core.labels import WEIGHT
 from uqpen.core.lookup import choices, nearest
 from uqpen.core.model import Input, Model
 from uqpen.core.settings import as_float, number, read_each, read_list
+from uqpen.core.streams import Stream
 from uqpen.core.units import ANY_DIMENSION, DIMENSIONLESS, are_convertible, describe
+from uqpen.distributions import COPULAS
 from uqpen.distributions.copulas import MEASURES, EllipticalCopula, score_correlation
 from uqpen.distributions.frozen import frozen_families
 from uqpen.distributions.input_group import (
@@ -29,7 +31,11 @@ from uqpen.distributions.input_group import (
     chaospy_joint,
     conditional_joint,
 )
-from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
+from uqpen.distributions.joint_distribution import (
+    JointDistribution,
+    MeasuredDependence,
+    RandomInput,
+)
 from uqpen.models.data.data_model import DataModel
 from uqpen.study.table_reader import OBJECT, TableReader, read_named_object
 from uqpen.study.user_defined_members import COPULA, read_class
@@ -297,7 +303,7 @@ def _read_sample(section: TableReader, model: Model) -> tuple[InputGroup, tuple[
         if isinstance(written, dict):
             columns, source = columns_of_table(written), "a table"
         elif isinstance(written, str) and written and "\0" not in written:
-            read = read_columns(section.folder / written)
+            read = read_columns(section.folder / written, blanks=True)
             columns, file, source = read.columns, read.file, Path(written).name
         else:
             section.add_wrong("sample", written, _SAMPLE)
@@ -308,18 +314,19 @@ def _read_sample(section: TableReader, model: Model) -> tuple[InputGroup, tuple[
         return None
     if len(section.problems) > noted or found is None:
         return None
-    taken, rows, weights = found
+    taken, rows, weights, dropped = found
     inputs = tuple(column.name for column in taken)
-    group = SampleDistribution(inputs, rows, weights, source, file)
+    group = SampleDistribution(inputs, rows, weights, f"{source}{dropped}", file)
     return group, tuple(column.unit for column in taken)
 
 
 def _rows(
     columns: tuple[Column, ...], model: Model, names: list[Any] | None
-) -> tuple[list[Column], FloatArray, FloatArray] | None:
+) -> tuple[list[Column], FloatArray, FloatArray, str] | None:
     """Return the columns of the inputs, their rows in SI units, and the weights of the rows.
 
-    None where a unit of the model is not known yet, since a mistake was noted there.
+    Rows without one of the inputs are left out, which the last text says. None where a unit of the
+    model is not known yet, since a mistake was noted there.
     """
     known = {variable.name: variable for variable in model.inputs}
     headings = [column.name for column in columns]
@@ -329,16 +336,20 @@ def _rows(
         return None
     taken = [columns[headings.index(name)] for name in wanted]
     rows = np.column_stack([column.values(known[column.name].unit) for column in taken])
+    is_whole = np.asarray(np.isfinite(rows).all(axis=1))
+    dropped, rows = int((~is_whole).sum()), rows[is_whole]
     if len(rows) < 2:
         raise TableError(f"number of rows: {len(rows)}, expected two or more")
-    weights = np.ones(len(rows)) if WEIGHT in known else _weights(columns, len(rows))
+    weights = np.ones(len(rows)) if WEIGHT in known else _weights(columns, is_whole)
     for column, values in zip(taken, rows[weights > 0].T, strict=True):
         bounds = known[column.name].bounds
         if not bounds.contain(values).all():
             raise TableError(f'column "{column.name}" has values outside its domain: {bounds}')
         if not np.ptp(values) > 0:
             raise TableError(f'column "{column.name}" does not vary')
-    return taken, rows, weights
+    plural = "s" * (dropped > 1)
+    note = f" ({dropped} row{plural} with a blank left out)" if dropped else ""
+    return taken, rows, weights, note
 
 
 def _check_wanted(wanted: list[Any], headings: list[str], known: Mapping[str, Input]) -> None:
@@ -355,14 +366,16 @@ def _check_wanted(wanted: list[Any], headings: list[str], known: Mapping[str, In
         raise TableError(f"columns of {len(wanted)} inputs: two or more depend on each other")
 
 
-def _weights(columns: tuple[Column, ...], rows: int) -> FloatArray:
-    """Return the weights of the rows, which are equal where no column has them."""
+def _weights(columns: tuple[Column, ...], is_whole: BoolArray) -> FloatArray:
+    """Return the weights of the whole rows, which are equal where no column has them."""
     found = [column for column in columns if column.name == WEIGHT]
     if not found:
-        return np.ones(rows)
+        return np.ones(int(is_whole.sum()))
     if len(found) > 1:
         raise TableError(f'column "{WEIGHT}" stands twice')
-    weights = found[0].values(DIMENSIONLESS)
+    weights = found[0].values(DIMENSIONLESS)[is_whole]
+    if np.isnan(weights).any():
+        raise TableError(f'column "{WEIGHT}" has a blank')
     if weights.min() < 0:
         raise TableError(f'column "{WEIGHT}" is below 0: {weights.min():g}')
     if (weights > 0).sum() < 2:
@@ -383,15 +396,18 @@ class _Pair:
 
 
 def read_dependence(
-    table: TableReader, inputs: Inputs, owners: Mapping[str, str]
+    table: TableReader, inputs: Inputs, owners: Mapping[str, str], model: Model, stream: Stream
 ) -> JointDistribution:
     """Return the joint distribution with dependent inputs; unchanged where a mistake was noted.
 
-    Inputs of a group, which `owners` names, cannot be joined to others.
+    Inputs of a group, which `owners` names, cannot be joined to others. The test of a fit to
+    measurements draws from `stream`.
     """
     joint = inputs.joint
     if not table.is_given or _note_grouped(table, owners):
         return joint
+    if "measured" in table:
+        return _measured_together(table, inputs, model, stream)
     copula = read_class(table, "copula", COPULA, "a copula")
     if copula is None:
         return joint
@@ -413,6 +429,51 @@ def read_dependence(
                 table.add_refused([problem])
         return joint
     return joint if inputs.unclear else replace(joint, dependence=dependence)
+
+
+def _measured_together(
+    table: TableReader, inputs: Inputs, model: Model, stream: Stream
+) -> JointDistribution:
+    """Fit a copula to the rows of a file, which were measured together."""
+    from uqpen.distributions.copula_fit import fit_copula  # loads scipy.stats
+
+    noted, joint = len(table.problems), inputs.joint
+    written = table.text("measured", _SAMPLE)
+    names = _input_names(table, inputs) if "inputs" in table else table.take("inputs")
+    family = table.take("copula")
+    if family is not None and family not in list(COPULAS):
+        table.add_wrong("copula", family, f"a copula; {choices(str(family), COPULAS)}")
+    table.check_unknown_keys()
+    if not written or len(table.problems) > noted or inputs.unclear:
+        return joint
+    random = [entry.variable.name for entry in joint.random]
+    try:
+        read = read_columns(table.folder / written, blanks=True)
+        own = tuple(each for each in read.columns if each.name in (names or random))
+        found = _rows(own, model, names)
+        if found is None:
+            return joint
+        taken, rows, _, dropped = found
+        joined = tuple(column.name for column in taken)
+        families = COPULAS if family is None else [family]
+        fit = fit_copula(joined, rows, stream.generator("fit"), families)
+    except TableError as error:
+        table.add_problem("measured", str(error), _SAMPLE)
+        return joint
+    except SettingsError as error:
+        for problem in error.problems:
+            where = f"{problem.found} in {written}"
+            table.add_problem("measured", where, problem.expected)
+        return joint
+    source = f"fitted to {fit.rows} rows of {written}{dropped}: {fit.description}"
+    warning = ""
+    if fit.is_rejected:
+        warning = (
+            f"the {fit.copula.title} does not fit the rows of {written}: of samples of it, a share "
+            f"of {fit.p_value:.2g} lies as far from their fit (p value)"
+        )
+    measured = MeasuredDependence(source, warning, read.file)
+    return replace(joint, dependence=fit.copula, measured_dependence=measured)
 
 
 def _note_grouped(table: TableReader, owners: Mapping[str, str]) -> bool:

@@ -277,7 +277,10 @@ def _read_joint(
         given = given_by_tables | groups.owners.keys()
         missing = _note_missing(tables["inputs"], model, variants, given)
         inputs = Inputs(inputs.joint, inputs.unclear | missing)
-    return inputs, read_dependence(tables["dependence"], inputs, groups.owners), is_clear
+    joint = read_dependence(
+        tables["dependence"], inputs, groups.owners, model, Stream(seed, "dependence")
+    )
+    return inputs, joint, is_clear
 
 
 def _expected(root: TableReader, key: str) -> str:
