@@ -172,3 +172,33 @@ class TestDiskUse:
     def test_a_full_disk_is_named(self, tmp_path, monkeypatch):
         monkeypatch.setattr(self, "free", 2e6)
         assert "is written. Only 2 MB are free. With keep" in self.shown(tmp_path)
+
+
+NOISY = """
+seed = 3
+[model]
+python = "model.py:run"
+seed = "k"
+inputs = { a = "1", k = "1" }
+outputs = { y = "1" }
+[inputs]
+a = { uniform = { lower = 1, upper = 2 } }
+[designs.draws]
+kind = "monte-carlo"
+runs = 1000
+"""
+
+
+@pytest.mark.usefixtures("few_samples")
+def test_a_pilot_of_a_noisy_model_tells_what_repeats_buy(tmp_path):
+    source = "import numpy as np\ndef run(a, k):\n    r = np.random.default_rng(k)\n"
+    (tmp_path / "model.py").write_text(f'{source}    return {{"y": a + 0.3 * r.normal()}}\n')
+    done = _plan(tmp_path, "--until", '{ y = { mean = "1 %" } }', "--pilot", "200", study=NOISY)
+    assert done.exit_code == 0
+    # 200 points at least, each with two runs.
+    runs = uqpen.open_archive(tmp_path / "pilot.nc")["runs/draws"]
+    assert runs.sizes["run"] == 400
+    shown = " ".join(done.output.split())
+    assert re.search(r"Noise of the model is [\d.]+ % .* of the variance of y", shown)
+    assert "runs at a point points mean / sd noise share" in shown
+    assert "the noise share with 3." in shown

@@ -5,11 +5,15 @@ import math
 import numpy as np
 import pytest
 
+import uqpen
 from uqpen.core.sampling import Sampling
+from uqpen.results.archive_view import ArchiveView
+from uqpen.results.repeats import noise_sentences, repeat_widths
 from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.intervals import fieller_margins
 from uqpen.statistics.noise import RepeatedSample
 from uqpen.statistics.sample import Sample
+from uqpen.verification.check_result import CheckOutcome
 
 noise_coverage = pytest.importorskip("noise_coverage", reason="benchmarks are not here")
 
@@ -164,3 +168,71 @@ def test_given_points_have_estimates_without_intervals():
     share = RepeatedSample.of(points, rng.normal(size=(100, 2))).share_of_noise()
     assert 0.5 < share.value < 1.5
     assert math.isnan(share.lower)
+
+
+MODEL = """
+import numpy as np
+
+def run(a, b, k):
+    return {"y": 2 * a + b + np.random.default_rng(k).normal()}
+"""
+STUDY = """
+seed = 5
+[model]
+python = "model.py:run"
+seed = "k"
+inputs = { a = "1", b = "1", k = "1" }
+outputs = { y = "1" }
+[inputs]
+a = { uniform = { lower = 0, upper = 2 } }
+b = { uniform = { lower = 0, upper = 1 } }
+[designs.mc]
+kind = "monte-carlo"
+runs = 120
+repeats = 2
+[designs.blocks]
+kind = "saltelli"
+base = 64
+replicates = 8
+noise = true
+"""
+
+
+def test_an_archive_has_them_where_points_have_several_runs(tmp_path):
+    (tmp_path / "model.py").write_text(MODEL)
+    study = uqpen.parse_study(STUDY, folder=tmp_path, name="noise")
+    uqpen.make_archive(study, tmp_path / "noise.nc")
+    tree = uqpen.open_archive(tmp_path / "noise.nc")
+    runs, found = tree["runs/mc"].to_dataset(), tree["statistics/mc/y"].to_dataset()
+    values = runs.y.values.reshape(120, 2)
+    within = values.var(axis=1, ddof=1).mean()
+    assert found.noise_std.values[0] == pytest.approx(math.sqrt(within))
+    assert found["mean"].values[0] == pytest.approx(values.mean())
+    assert found.noise_share.attrs["runs_used"] == 240
+    # What knows no repeats is of the first run at each point.
+    assert found.skewness.attrs["runs_used"] == 120
+    blocks = tree["statistics/blocks/y"].to_dataset()
+    assert {"noise_share", "mean_first_order", "mean_total_order"} <= set(blocks)
+    both = [each.noise_share.values for each in (found, blocks)]
+    assert max(each[1] for each in both) < min(each[2] for each in both)
+    sentences = [*noise_sentences(ArchiveView(tree, ""), "y")]
+    assert sentences[0].startswith("Noise of the model is ")
+    assert "of the variance of y: runs at the same inputs differ" in sentences[0]
+    checks = uqpen.verify(tmp_path / "noise.nc", trust=True)
+    assert not [each for each in checks if each.verdict is CheckOutcome.DIFFERENT]
+
+
+def test_more_repeats_buy_what_an_analysis_of_variance_says():
+    rng = np.random.default_rng(6)
+    points, repeats, share = 300, 3, 0.4
+    means = rng.normal(size=(400, points, 1)) * math.sqrt(1 - share)
+    values = means + rng.normal(size=(400, points, repeats)) * math.sqrt(share)
+    found = []
+    for each in values:
+        within = each.var(axis=1, ddof=1).mean()
+        between = each.mean(axis=1).var(ddof=1) - within / repeats
+        found.append((each.mean(), within / (within + between), math.sqrt(between)))
+    _, _, *errors = repeat_widths(share, points * repeats, repeats)
+    errors[2] *= math.sqrt(1 - share)
+    # The standard deviation of 400 values is known to 3.5 %.
+    np.testing.assert_allclose(np.std(found, axis=0), errors, rtol=0.12)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -20,6 +20,8 @@ from uqpen.cli.options import (
 )
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from uqpen.designs.stopping.precision import Precision
     from uqpen.statistics.running_estimates import RequiredRuns
     from uqpen.study.study import ValidatedStudy
@@ -54,7 +56,8 @@ def plan(
 ) -> ExitCode:
     """Make a pilot of the study FILE, and state how many independent runs a precision takes.
 
-    The pilot's archive is kept: the study itself can reuse its runs.
+    The pilot's archive is kept: the study itself can reuse its runs. Of a model with noise of its
+    own it has two runs at each point, and shows what more of them would buy.
     """
     from uqpen.cli.console import show_line
     from uqpen.cli.progress import show_step
@@ -125,11 +128,53 @@ def _show_required_runs(
     console = standard_output()
     console.print(plain_table(["target", "runs", "90 % interval", "time"], rows))
     console.print(f"\n{_REMARK}\n", markup=False)
+    for text in _noise_texts(tree, most):
+        console.print(text)
     if most > RUNS_IN_MEMORY:
         without_runs = archive.stat().st_size + bytes_of_hashes(most * len(study.models))
         free = shutil.disk_usage(archive.parent).free
         text = _disk_text(most * size, without_runs, free, keeps_runs=keeps_runs)
         console.print(f"{text}\n", markup=False)
+
+
+def _noise_texts(tree: xr.DataTree, most: float) -> Iterator[Any]:
+    """Yield how much of each output is noise, and what repeats of each point would make of it."""
+    from uqpen.archive.read import model_trees
+    from uqpen.cli.console import plain_table
+    from uqpen.results.archive_view import ArchiveView
+    from uqpen.results.digits import grouped_number, number_text
+    from uqpen.results.repeats import best_repeats, noise_sentences, repeat_widths
+
+    for model in model_trees(tree):
+        view = ArchiveView(tree, model)
+        for output in view.numeric_outputs:
+            shares = view.estimates(output, "noise_share")
+            share = next((float(each.values[0]) for each in shares.values()), math.nan)
+            if not math.isfinite(share):
+                continue
+            yield next(noise_sentences(view, output), f"{output}: the noise share has no interval.")
+            runs = math.ceil(most) or 1000
+            table = []
+            for repeats in sorted({1, 2, 3, 5, best_repeats(share)}):
+                found = repeat_widths(share, runs, repeats)
+                table.append(
+                    (
+                        str(repeats),
+                        grouped_number(found.points),
+                        *(
+                            f"± {number_text(2 * each, 2)}" if math.isfinite(each) else "unknown"
+                            for each in (found.mean, found.noise_share, found.of_mean)
+                        ),
+                    )
+                )
+            head = ["runs at a point", "points", "mean / sd", "noise share"]
+            yield plain_table([*head, "sd of the mean given the inputs, relative"], table)
+            of_mean, of_share = 2 if share <= 0.5 else 3, best_repeats(share)
+            yield (
+                f"With {grouped_number(runs)} runs in all. Means, quantiles and indices of the "
+                "whole output are known best with one run at each point, indices of the mean given "
+                f"the inputs with {of_mean}, the noise share with {of_share}.\n"
+            )
 
 
 def _disk_text(runs: float, without_runs: float, free: float, *, keeps_runs: bool) -> str:

@@ -24,6 +24,7 @@ __all__ = [
     "ANALYSES",
     "ANALYSES_IN_MEMORY",
     "ANALYSES_OF_DESIGNS",
+    "ANALYSES_OF_REPEATS",
     "FIELD_ANALYSES",
     "FIELD_ANALYSES_OF_DESIGNS",
     "INPUT_ANALYSES",
@@ -53,6 +54,10 @@ WEIGHTED_ANALYSES = _groups(lambda each: each.takes_weights)
 # The analyses of a field, by the group of their results: functions of a `FieldSample`. The
 # statistics of a field have its dimensions before their own.
 FIELD_ANALYSES = _analyses("field")
+
+# The analyses of points that have several runs each, functions of a `RepeatedSample`. Their results
+# take the places of those of the first runs.
+ANALYSES_OF_REPEATS = _analyses("repeats")
 
 # The analyses of a sample that take all of its values at once. They yield nothing unless a study
 # requests it.

@@ -6,20 +6,32 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import xarray as xr
 
 from uqpen.core.blocks import BlockedRuns, LoadedDataset
 from uqpen.core.catalogue import CATALOGUE
-from uqpen.core.labels import CONDITIONAL, MISSING, RUNS_ABSENT, SAMPLING, STATUS, WEIGHT
+from uqpen.core.labels import (
+    CONDITIONAL,
+    MISSING,
+    POINT,
+    REPEAT,
+    RUN,
+    RUNS_ABSENT,
+    SAMPLING,
+    STATUS,
+    WEIGHT,
+)
 from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.core.lookup import resolve
 from uqpen.core.processors import one_blas_thread
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
-from uqpen.execution import status_counts
+from uqpen.execution import first_repeats, status_counts
 from uqpen.statistics import (
     ANALYSES,
     ANALYSES_OF_DESIGNS,
+    ANALYSES_OF_REPEATS,
     FIELD_ANALYSES,
     FIELD_ANALYSES_OF_DESIGNS,
     WEIGHTED_ANALYSES,
@@ -31,6 +43,7 @@ from uqpen.statistics.estimate import LEVEL, unweighted
 from uqpen.statistics.failure_analysis import failure_analysis
 from uqpen.statistics.fields.field_sample import FieldSample
 from uqpen.statistics.input_columns import RunInputs
+from uqpen.statistics.noise import RepeatedSample
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.run_samples import (
     absent_condition,
@@ -151,6 +164,60 @@ def _analyze_whole(
             name = quantity.output.name
             added = user_defined_statistics(user_defined, sample, quantity, found[name])
             found[name] |= {key: array.assign_attrs(counts[name]) for key, array in added.items()}
+    return found
+
+
+def analyze_repeats(
+    runs: xr.Dataset,
+    quantities: Sequence[QuantityOfInterest],
+    *,
+    only: Collection[str] | None = None,
+    in_memory: int = RUNS_IN_MEMORY,
+) -> dict[str, OutputStatistics]:
+    """Compute the statistics of numbers that take all runs at each point, if a point has several.
+
+    A statistic that is not among them takes the first run at each point, as `analyze` does.
+
+    Parameters
+    ----------
+    runs : Dataset
+        All runs of a design.
+    quantities : sequence of QuantityOfInterest
+    only : collection of str, optional
+        Groups of statistics, where not all of them are wanted.
+    in_memory : int
+        Of more runs there are none.
+
+    Returns
+    -------
+    dict of str to dict of str to DataArray
+        As `analyze` returns them.
+    """
+    sampling = Sampling(runs.attrs[SAMPLING])
+    if (
+        REPEAT not in runs.coords
+        or not sampling.is_sample
+        or sampling is Sampling.PICK_FREEZE
+        or WEIGHT in runs.coords
+        or runs.sizes[RUN] > in_memory
+    ):
+        return {}
+    analyses, handle = _select(ANALYSES_OF_REPEATS, only), LoadedDataset(runs)
+    of_runs, first = run_counts(handle), sample_of(first_repeats(runs), STATUS)
+    points = replace(first, used=np.arange(len(first.replicates)))
+    place = runs[POINT].values, runs[REPEAT].values
+    found: dict[str, OutputStatistics] = {}
+    with one_blas_thread():
+        for quantity in quantities:
+            if quantity.output.dims or quantity.output.categories:
+                continue
+            name = quantity.output.name
+            sample = sample_of(runs, name)
+            values = np.full((points.size, int(place[1].max(initial=0)) + 1), np.nan)
+            values[tuple(each[sample.used] for each in place)] = sample.values
+            own = replace(points, level=quantity.confidence_level)
+            counts = output_run_counts(handle, of_runs, name)
+            found[name] = _of(analyses, RepeatedSample.of(own, values), quantity, counts)
     return found
 
 

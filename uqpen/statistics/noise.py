@@ -37,7 +37,7 @@ from uqpen.statistics.sample import (
 from uqpen.statistics.sensitivity.given_data import LocalRegressions, SampledVariable, VarianceParts
 from uqpen.statistics.sensitivity.input_measures import input_array, reason_of_input
 from uqpen.statistics.sensitivity.local_regression import ResidualVariance
-from uqpen.statistics.standard_errors import standard_error, student_margins
+from uqpen.statistics.standard_errors import mean_margins, standard_error
 
 # With fewer points, shares of the noise covered in 86 to 94 %.
 ENOUGH_POINTS = 100
@@ -183,10 +183,10 @@ class RepeatedSample:
         if not noise.value > 0:
             return Estimate.without_bounds(0.0, texts.NO_NOISE_SEEN)
         influence = (noise.influence - value * whole.influence) / whole.value
-        margins = student_margins(self.means, influence)
-        lower, upper = value - float(margins.below), value + float(margins.above)
+        margins = mean_margins(self.means, influence, is_heavy=False)
+        ends = value - float(margins.below), value + float(margins.above)
         method = texts.DELTA_METHOD.format(error_model=self.means.error_model)
-        return Estimate(value, max(lower, 0.0), min(upper, 1.0), method, self.label, self.note)
+        return Estimate(value, *ends, method, self.label, self.note)
 
     @property
     def label(self) -> str:
@@ -201,21 +201,22 @@ class RepeatedSample:
             return Estimate.without_bounds(value, self.reason)
         if not part.influence.any():
             return Estimate.without_bounds(value, texts.NO_NOISE_SEEN)
-        # The error of the mean counts as well: of an output with two values that are equally
-        # frequent, no run has an influence on the variance otherwise.
-        of_mean = 0.0
-        if part is self.whole:
+        # Few points have most of the noise, where it is skewed: both ends move out by the furthest.
+        found = mean_margins(self.means, part.influence, is_heavy=False)
+        below, above = float(found.below), float(found.above)
+        if part is self.of_mean:
+            # It may be 0, so it has no logarithm whose error is known.
+            lower, upper = max(part.value - below, 0.0), max(part.value + above, 0.0)
+            ends = math.sqrt(lower) * self.unit, math.sqrt(upper) * self.unit
+            method = texts.ROOT_OF_INTERVAL
+        else:
+            # The error of the mean counts as well: of an output with two values that are equally
+            # frequent, no run has an influence on the variance otherwise.
             quantile = student_quantile(self.means.degrees_of_freedom, self.means.level)
-            of_mean = (quantile * self._error_of_mean) ** 2
-        margins = [float(each) + of_mean for each in student_margins(self.means, part.influence)]
-        if part.value > margins[0]:
-            # The delta method on the logarithm, whose error is closer to normal.
-            exponents = [margin / (2 * part.value) for margin in margins]
+            of_mean = (quantile * self._error_of_mean) ** 2 if part is self.whole else 0.0
+            exponents = [(each + of_mean) / (2 * part.value) for each in (below, above)]
             ends = value * math.exp(-exponents[0]), value * math.exp(exponents[1])
             method = texts.DELTA_ON_LOGARITHM
-        else:
-            upper = max(part.value + margins[1], 0.0)
-            ends, method = (0.0, math.sqrt(upper) * self.unit), texts.ROOT_OF_INTERVAL
         method = method.format(error_model=self.means.error_model)
         return Estimate(value, *ends, method, self.label, self.note)
 

@@ -98,10 +98,12 @@ def required_runs(
     Parameters
     ----------
     pilot : Dataset
-        Independent runs of one model; failed runs are resampled, too.
+        Independent runs of one model; failed runs are resampled, too. Of several runs at each point
+        it takes the first.
     rule : Precision
         The targets; those of outputs that the model lacks are left out.
     """
+    pilot = first_repeats(pilot)
     size = pilot.sizes[RUN]
     runs = pilot.drop_dims(FAILED_RUN, errors="ignore")
     rows = [np.arange(size), *rng.integers(size, size=(_SAMPLES, size))]

@@ -386,15 +386,23 @@ def reading_study(
     return parse_study(tomli_w.dumps(content), name=study.name, folder=study.folder)
 
 
+# With fewer points there is no interval of a standard deviation.
+FEWEST_PILOT_POINTS = 200
+
+
 def pilot_study(study: ValidatedStudy, runs: int) -> ValidatedStudy:
     """Return the pilot of a study.
 
-    Its runs are the first of those of the study's first `monte-carlo` design, if it has one.
+    Its runs are the first of those of the study's first `monte-carlo` design, if it has one. A
+    model with noise of its own has two at each point, and `FEWEST_PILOT_POINTS` at least.
     """
     designs = {name: each_point_once(each) for name, each in study.designs.items()}
     independent = (name for name, each in designs.items() if isinstance(each, MonteCarlo))
     name = next(independent, "pilot")
     content: dict[str, Any] = tomllib.loads(study.text)
     content.pop("surrogates", None)
-    content["designs"] = {name: {"kind": "monte-carlo", "runs": runs}}
+    pilot: dict[str, Any] = {"kind": "monte-carlo", "runs": runs}
+    if any(each.model.noise.is_declared for each in study.models.values()):
+        pilot |= {"runs": max(runs // 2, FEWEST_PILOT_POINTS), "repeats": 2}
+    content["designs"] = {name: pilot}
     return parse_study(tomli_w.dumps(content), name=study.name, folder=study.folder)

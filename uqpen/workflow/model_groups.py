@@ -42,6 +42,8 @@ from uqpen.statistics.analyze import (
     all_analyses_but,
     analyze,
     analyze_failures,
+    analyze_repeats,
+    in_catalogue_order,
 )
 from uqpen.statistics.model_form import model_differences, model_form_shares
 from uqpen.statistics.published import Publication, published_estimates
@@ -90,7 +92,7 @@ def model_groups(
     sources: dict[str, _Source] = {}
     for design, every in whole[model].items():
         steps.start(f"statistics of {design}", model)
-        attributes, outputs = _design_source(study, model, design, runs)
+        attributes, outputs = _design_source(study, model, design, every, runs)
         sources[design] = {**attributes, **_spent(study, design, every)}, outputs
         yield from _design_groups(study, design, every, own[design])
     for name in study.surrogates:
@@ -128,10 +130,15 @@ def model_groups(
 
 
 def _design_source(
-    study: ValidatedStudy, model: str, design: str, runs: Mapping[str, Runs]
+    study: ValidatedStudy,
+    model: str,
+    design: str,
+    whole: xr.Dataset,
+    runs: Mapping[str, Runs],
 ) -> _Source:
     """Return the statistics of a model from the runs of a design.
 
+    `whole` are all of its runs, `runs` the first at each point of all models and designs.
     Those of the first model are from the runs of its stand-ins, too, if it has any.
     """
     own, costs = runs[model][design], study.family_costs
@@ -145,12 +152,11 @@ def _design_source(
     if has_stand_ins and len(costs) == len(study.models):
         spent = sum(cost * runs[name][design].sizes[RUN] for name, cost in costs.items())
         attributes[COST_SPENT] = float(spent)
-    found = analyze(
-        own,
-        study.model_quantities(study.models[model].model),
-        only=all_analyses_but(study.left_out),
-        user_defined=study.analyses,
-    )
+    quantities = study.model_quantities(study.models[model].model)
+    only = all_analyses_but(study.left_out)
+    found = analyze(own, quantities, only=only, user_defined=study.analyses)
+    for name, of_all in analyze_repeats(whole, quantities, only=only).items():
+        found[name] = in_catalogue_order(found[name] | of_all)
     if has_stand_ins:
         from uqpen.statistics.control_variates import control_variate_statistics
 

@@ -49,6 +49,7 @@ from uqpen.results.archive_view import ArchiveView, output_title
 from uqpen.results.digits import count_text, estimate_text, grouped_number, percent_texts
 from uqpen.results.failed_runs import FailedRuns, failed_runs
 from uqpen.results.output_tables import runs_spent, tolerance_cell
+from uqpen.results.repeats import noise_sentences
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.table import NOTHING, OutputTable, conversion, label_with_unit
 from uqpen.results.texts import capitalized, join_names, plain_text, typeset_quantity, unit_suffix
@@ -97,6 +98,7 @@ def _answer(view: ArchiveView) -> Iterator[Block]:
     quantities = [each for entry in shown for each in entry.quantities]
     findings = {
         "What drives it?": chain(*(driver_sentences(view, output) for output in main)),
+        "How much of it is noise?": chain(*(noise_sentences(view, output) for output in main)),
         "Did all runs succeed?": chain(
             missing_run_sentences(view, design), outcome_sentences(view, design)
         ),

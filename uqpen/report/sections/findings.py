@@ -106,18 +106,25 @@ def driver_sentences(view: ArchiveView, output: str) -> Iterator[str]:
     measure = ranking.statistic.measure
     if measure.share != "alone" or index_titles(view.tree).is_dependent:
         return
-    of_total = next(each for each in MEASURES[measure.table] if each.measure.share == "total")
+    alone: Ranking | None = ranking
+    table = measure.table
+    if view.estimates(output, "noise_share"):
+        # A total order of the whole output has the noise in it, which is no interaction.
+        table = "shares of the mean"
+        alone = best_ranking(view, output, MEASURES[table][0])
+    of_total = next(each for each in MEASURES[table] if each.measure.share == "total")
     total = best_ranking(view, output, of_total)
-    if total is None:
+    if total is None or alone is None:
         return
     shown = {
         name: _estimate_text(array)
         for name, array in total.estimates.items()
-        if name in ranking.estimates and _exceeds(array, ranking.estimates[name])
+        if name in alone.estimates and _exceeds(array, alone.estimates[name])
     }
     if shown:
         inputs = ", ".join(f"{input_label(view, each)} ({text})" for each, text in shown.items())
-        yield f"With its interactions: {inputs}."
+        of_mean = " of the mean given the inputs" * (alone is not ranking)
+        yield f"With its interactions{of_mean}: {inputs}."
 
 
 def _share_text(view: ArchiveView, ranking: Ranking, part: str, text: str) -> str:
