@@ -386,9 +386,7 @@ OF_ALL_ADMISSIBLE = (
 # Models with noise of their own.
 FIELLER = "Fieller's set, {error_model}"
 FIELLER_OVER_REPLICATES = "Fieller's set over replicates"
-ROOT_OF_INTERVAL = (
-    "root of the variance's: Student t, both ends moved out by the furthest points, {error_model}"
-)
+ROOT_OF_INTERVAL = "root of the variance's: delta method, {error_model}"
 NOISE_HIDES_IT = (
     "noise hides it: the variance of the mean given the inputs may be 0; more points would show it"
 )
