@@ -96,6 +96,26 @@ def test_another_program_of_the_same_name_is_reported(beam, command_line, monkey
     assert checked.code == 0
 
 
+def test_check_names_the_program_that_is_taken_and_runs_that_nobody_asked_for(beam, command_line):
+    assert "the program" not in command_line("check", str(beam)).said
+    text = beam.read_text().replace("./solver", "true")
+    beam.write_text(text)
+    (beam.parent / "true").write_text("#!/bin/sh\n")
+    assert re.search(
+        r'warning: the program true is /\S+; the one beside the study is "./true"',
+        " ".join(command_line("check", str(beam)).out.split()),
+    )
+    (beam.parent / "true").unlink()
+    rare = '[designs.rare]\nkind = "importance-sampling"\nevent = "deflection > 9 mm"\n'
+    beam.write_text(text + rare)
+    checked = " ".join(command_line("check", str(beam)).out.split())
+    numbers = "samples = 2000, replicates = 5"
+    assert f"rare makes 10000 of the 10050 runs by default ({numbers})" in checked
+    assert "10050 runs in all" in checked
+    beam.write_text(f"{text}{rare}samples = 2000\n")
+    assert "by default" not in command_line("check", str(beam)).out
+
+
 def test_a_program_that_is_changed_while_the_study_runs_stops_it(beam):
     study = uqpen.load_study(beam)
     solver = beam.parent / "solver"

@@ -393,6 +393,21 @@ def test_a_value_that_stands_alone_is_reported(written):
     # The largest of 200 values may well be far from the others, by a multiple of their range.
     heavy = 1 / np.sort(LOADS)[:150]
     assert not written(runs=table(**{"load [kN]": [*heavy, *LOADS[:50]]})).model.distant
+    # A number of nines stands for no value in many rows, too.
+    many = np.where(np.arange(200) % 3, LOADS, -999)
+    (text,) = written(runs=table(**{"load [kN]": many})).model.distant
+    assert text.startswith("load: -999 stands alone in 67 rows")
+
+
+def test_a_number_with_a_comma_is_refused_with_its_line(written, tmp_path, command_line):
+    kinds = ["1,5", "2,5"] * 100
+    with pytest.raises(uqpen.StudyError) as caught:
+        written(STUDY, table(kind=kinds))
+    (problem,) = caught.value.problems
+    assert problem.found == '"1,5" in column "kind", runs.csv, line 2'
+    assert problem.expected == "a number with a point, as 1.5"
+    assert command_line("init", "runs.csv", "-o", "new.toml").code == 0
+    assert '"kind" has texts; expected a number with a point' in (tmp_path / "new.toml").read_text()
 
 
 def test_texts_are_categories_with_sorted_codes(written):

@@ -440,3 +440,5 @@ class TestFormulas:
         with xr.open_datatree(tmp_path / "first.nc") as first, xr.open_datatree(again[0]) as other:
             runs = other["runs/mc"].to_dataset()
             assert runs.drop_vars("margin").equals(first["runs/mc"].to_dataset())
+            assert other.attrs["formulas_over"] == first.attrs["content_sha256"]
+            assert "formulas_over" not in first.attrs

@@ -505,7 +505,8 @@ class TestPythonModel:
             ("simulate = 3", 'no function "simulate"'),
             ("def simulate(rod_length): pass", "cannot take the inputs"),
             ("def simulate(rod_length, speed, mass): pass", "cannot take the inputs"),
-            ("import absent_module_of_mine", "No module named"),
+            ("import absent_module_of_mine", "No module named 'absent_module_of_mine'"),
+            ("import absent_module_of_mine", "a module absent_module_of_mine beside the study, or"),
             (
                 "x = 1\ny = 1 / 0\n",
                 "failed: ZeroDivisionError: division by zero (mine.py, line 2: y = 1 / 0)",

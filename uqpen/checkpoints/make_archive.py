@@ -36,7 +36,7 @@ from uqpen.core.errors import (
     StudyError,
     TooManyFailedError,
 )
-from uqpen.core.labels import REUSED_RUNS, RUN, RUNS, STATUS
+from uqpen.core.labels import CONTENT, FORMULAS_OVER, REUSED_RUNS, RUN, RUNS, STATUS
 from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.core.model import Model
 from uqpen.core.status import Status
@@ -164,6 +164,8 @@ def make_archive(
             tree = _run_study(study, map, journal, finished, checkpoint)
             if record := finder.record():
                 tree.attrs[REUSED_RUNS] = record
+            if earlier := next((each for each in archives if _adds_formulas(study, each)), None):
+                tree.attrs[FORMULAS_OVER] = str(earlier.tree.attrs[CONTENT])
             journal.start_step("writing the archive")
             # Of an archive that cannot be read, nobody knows what it has.
             loses = is_worth_keeping and (replaced is None or lacks_runs(study, tree, replaced))
@@ -307,6 +309,18 @@ def _write(
     except BaseException:
         finished.save()
         raise
+
+
+def _adds_formulas(study: ValidatedStudy, earlier: ArchivePlace) -> bool:
+    """Check that a study takes an archive's runs, and has a formula that the archive has not."""
+    compared = (found for each in earlier.comparisons.values() for found in each.values())
+    if all(found.changes for found in compared):
+        return False
+    now, before = (
+        {name: table.get("formula") for name, table in content.get("outputs", {}).items()}
+        for content in (tomllib.loads(study.text), earlier.identity.content)
+    )
+    return any(formula and before.get(name) != formula for name, formula in now.items())
 
 
 # What becomes of the runs of an archive that is replaced

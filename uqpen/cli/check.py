@@ -34,6 +34,7 @@ def check(file: Path, is_tried: bool) -> ExitCode:
         from uqpen.study.load import load_study
         from uqpen.study.new_study import FILL_IN
         from uqpen.study.summary import (
+            default_run_lines,
             design_rows,
             input_rows,
             models_text,
@@ -66,6 +67,8 @@ def check(file: Path, is_tried: bool) -> ExitCode:
         console.print(plain_table(["surrogate", "fitted to", "checked by"], surrogate_rows(study)))
         for line in unfitted_lines(study):
             console.print(printable(line), markup=False)
+    for line in default_run_lines(study):
+        console.print(f"\n{printable(line)}", markup=False)
     console.print(f"\n{runs_text(study)} in all; the study is right", markup=False)
     # Lines that `uqpen init` has left to its reader.
     if count := sum(f"# {FILL_IN}:" in line for line in study.text.splitlines()):

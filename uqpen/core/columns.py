@@ -29,6 +29,7 @@ from uqpen.core.netcdf.opening import (
 from uqpen.core.units import DIMENSIONLESS, NUMBER, are_convertible, describe, scale
 
 _NUMBER = re.compile(NUMBER)
+_DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?")
 # A heading with its unit in round brackets, which may hold a pair of them: ``flux (kg/(m2 s))``.
 _ROUND = re.compile(r"(?P<name>.*[^\s(])\s*\((?P<unit>(?:[^()]|\([^()]*\))*)\)", re.DOTALL)
 
@@ -231,9 +232,21 @@ class _Entries:
             where = f'"{path.name}", line {line}, column "{name}"'
             is_long = len(text) > _LONGEST_NUMBER
             found = f"{len(text)} characters" if is_long else toml_text(text)
-            rest = f"; {choices(text, self._labels)}" if self._labels else ", expected a number"
+            rest = f", expected {number_expected(text)}"
+            rest = f"; {choices(text, self._labels)}" if self._labels else rest
             raise TableError(f"{where}: found {found}{rest}")
         return np.concatenate([np.empty(0), *self._parts])
+
+
+def has_decimal_comma(text: str) -> bool:
+    """Check that a text is a number with a comma, which may stand before decimals or thousands."""
+    return _DECIMAL_COMMA.fullmatch(text.strip()) is not None
+
+
+def number_expected(text: str) -> str:
+    """Return what is expected in place of a text that is no number."""
+    point = text.strip().replace(",", ".")
+    return f"a number with a point, as {point}" if has_decimal_comma(text) else "a number"
 
 
 def heading_parts(text: str, place: str) -> tuple[str, str]:

@@ -116,7 +116,17 @@ class UnknownNameError(UqpenError, LookupError):
 
 
 class ModelError(UqpenError, ValueError):
-    """A model that cannot be built or called as requested."""
+    """A model that cannot be built or called as requested.
+
+    Attributes
+    ----------
+    expected : str
+        What would be right, where that is known; else empty.
+    """
+
+    def __init__(self, found: str, expected: str = "") -> None:
+        super().__init__(found)
+        self.expected = expected
 
 
 class TrajectoryError(UqpenError, ArithmeticError):

@@ -219,6 +219,8 @@ CONTENT = "content_sha256"
 REUSED_RUNS = "reused_runs"
 # A line of it ends so, where none of the runs was compared with a fresh one.
 NOT_MADE_AGAIN = "runs of which none was made again before they were taken"
+# The content hash of the archive to whose runs an archive has added formulas, at its root.
+FORMULAS_OVER = "formulas_over"
 
 # What the runs of a model depend on besides their inputs, a line each: at the root of an archive,
 # or at the group of the model in an archive of several.

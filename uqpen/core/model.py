@@ -213,6 +213,11 @@ class Model(ABC):
         return (*self.outputs, *(each.output for each in self.derived))
 
     @property
+    def remarks(self) -> tuple[str, ...]:
+        """What a user should know of it before it runs, a line each."""
+        return ()
+
+    @property
     def is_object(self) -> bool:
         """True if it is an object of this process that no text describes."""
         return False

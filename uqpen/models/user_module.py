@@ -95,7 +95,8 @@ def _import_module(where: str, surroundings: ModelFolder) -> Any:
     except ModelError:
         raise
     except ModuleNotFoundError as error:
-        raise ModelError(f'"{where}": {error}') from None
+        searched = f"beside the study, or in the packages of {sys.executable}"
+        raise ModelError(f'"{where}": {error}', f"a module {error.name} {searched}") from None
     except (Exception, SystemExit) as error:  # a user's module can raise anything when imported
         if where.endswith(".py"):
             surroundings.read(str(surroundings.folder / where))

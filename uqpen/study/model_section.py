@@ -276,7 +276,7 @@ def read_function(table: TableReader) -> Model | None:
         function, surroundings = code.function()
         check_inputs(function, inputs)
     except ModelError as error:
-        expected = "a function that can be called with the model's inputs"
+        expected = error.expected or "a function that can be called with the model's inputs"
         table.add_problem("python", str(error), expected)
         return None
     if outcomes and surroundings is not None:

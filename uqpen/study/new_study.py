@@ -562,8 +562,9 @@ def _fault(column: DataColumn) -> str:
         return f"has no unit that is known: {toml_text(column.unit)}"
     try:
         numbers = column.numbers()
-    except SettingsError:
-        return "has texts"
+    except SettingsError as error:
+        expected = error.problems[0].expected
+        return "has texts" if expected == "a number" else f"has texts; expected {expected}"
     if not np.isfinite(numbers).any():
         return "has no number"
     is_number = numbers.size > 1 and not column.unit and bool((np.diff(numbers) == 1).all())

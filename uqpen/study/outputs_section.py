@@ -640,7 +640,7 @@ def read_analyses(root: TableReader, seed: int) -> tuple[UserDefinedAnalysis, ..
                     root.add_problem(place, f"{reference}: {fault[0]}", fault[1])
             except ModelError as error:
                 expected = "a function that can be called with a sample and a quantity of interest"
-                root.add_problem(place, str(error), expected)
+                root.add_problem(place, str(error), error.expected or expected)
     return tuple(analyses.values())
 
 

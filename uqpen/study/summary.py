@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Iterable, Iterator
 from html import escape
 
 from uqpen.core.catalogue import REQUESTED
 from uqpen.core.html import html_table
 from uqpen.core.lookup import family_name, resolve
+from uqpen.core.settings import declared_settings
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.designs import DESIGNS
 from uqpen.designs.design import RUNS
@@ -20,6 +22,9 @@ from uqpen.study.study import ValidatedStudy
 from uqpen.surrogates.refinement import RefinedDesign
 
 Rows = list[tuple[str, ...]]
+
+# Runs that nobody makes by chance where each costs something.
+_MANY_RUNS = 1000
 
 
 def models_text(study: ValidatedStudy) -> str:
@@ -121,11 +126,32 @@ def unfitted_lines(study: ValidatedStudy) -> Iterator[str]:
         yield text.format(", ".join(found))
 
 
+def default_run_lines(study: ValidatedStudy) -> Iterator[str]:
+    """Yield a warning of a design that has most of the runs, of which the study states no number.
+
+    Runs of a vectorised model cost little, so that there is none of these.
+    """
+    stated = tomllib.loads(study.text).get("designs", {})
+    for name, design in study.designs.items():
+        runs = design.run_count(study.joint)
+        counts = {
+            declared.key or field.name: field.default
+            for field, declared in declared_settings(design)
+            if declared.kind == "count" and type(field.default) is int
+        }
+        is_default = bool(counts) and name in stated and counts.keys().isdisjoint(stated[name])
+        if is_default and runs >= max(_MANY_RUNS, 0.9 * study.runs) and not study.model.vectorized:
+            numbers = ", ".join(f"{key} = {value}" for key, value in counts.items())
+            yield f"warning: {name} makes {runs} of the {study.runs} runs by default ({numbers})"
+
+
 def section_lines(study: ValidatedStudy) -> Iterator[str]:
     """Yield what sections state in a line each: limits, treatment of failed runs, constraints."""
     if isinstance(study.model, DataModel):
         yield from filter(None, [study.model.dropped, study.model.coded])
         yield from (f"warning: {each}" for each in study.model.distant)
+    for variant in study.models.values():
+        yield from variant.model.remarks
     for section in sorted(SECTIONS.values(), key=lambda each: each.rank):
         if section.lines:
             yield from resolve(section.lines)(study)

@@ -175,7 +175,7 @@ def read_instance(
                 if np.shape(function(probability if function == made.isf else values)) != (2,):
                     raise ValueError("its functions do not keep the shape of an array")
     except ModelError as error:
-        table.add_problem(key, str(error), kind.expected)
+        table.add_problem(key, str(error), error.expected or kind.expected)
     except Exception as error:  # a user-defined class can raise anything
         found = f"{toml_text(name)}: {error_text(error)}"
         table.add_problem(key, found, "settings that it accepts")
@@ -195,7 +195,7 @@ def read_class(table: TableReader, key: str, kind: Kind, what: str) -> Any:
         try:
             return load_class(name, table.folder, kind)[0]
         except ModelError as error:
-            table.add_problem(key, str(error), kind.expected)
+            table.add_problem(key, str(error), error.expected or kind.expected)
             return None
     return family_member(table, key, kind.family, what)
 

@@ -16,7 +16,14 @@ from uqpen.archive.provenance import of_python_functions, provenance, provenance
 from uqpen.archive.read import is_benchmark, model_trees, read_group, read_tree
 from uqpen.archive.structure import find_faults
 from uqpen.core.errors import ArchiveError, StudyError, UqpenError
-from uqpen.core.labels import CONTENT, DEPENDENCIES, NOT_MADE_AGAIN, RECIPE, REUSED_RUNS
+from uqpen.core.labels import (
+    CONTENT,
+    DEPENDENCIES,
+    FORMULAS_OVER,
+    NOT_MADE_AGAIN,
+    RECIPE,
+    REUSED_RUNS,
+)
 from uqpen.execution import Map, Progress
 from uqpen.models import MODELS
 from uqpen.models.data.data_model import DataModel
@@ -209,7 +216,15 @@ def _repeat(repetition: Repetition, tree: xr.DataTree, *, trust: bool) -> Iterat
     yield from left_out
     if not study.designs:
         return
-    ignored = {CONTENT, RECIPE, REUSED_RUNS, DEPENDENCIES, *provenance(), *of_python_functions()}
+    ignored = {
+        CONTENT,
+        RECIPE,
+        REUSED_RUNS,
+        FORMULAS_OVER,
+        DEPENDENCIES,
+        *provenance(),
+        *of_python_functions(),
+    }
     ignored |= {f"{MODEL_PREFIX}{name}" for name in ("version", _SOURCE, _PROGRAM)}
     if is_untrusted:  # some attributes are known only of a loaded model
         attributes = {str(name) for model in model_trees(tree).values() for name in model.attrs}

@@ -29,7 +29,14 @@ from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.core.units import scale
 from uqpen.models.command.output_readers import OutputReader, RunFiles, TextReader, UnreadableError
 from uqpen.models.command.process import STDERR, STDOUT, ProcessEnd, guard_folder, run_process
-from uqpen.models.command.program import BRACES, Delimiters, NotWholeError, Program, fill
+from uqpen.models.command.program import (
+    BRACES,
+    Delimiters,
+    NotWholeError,
+    Program,
+    fill,
+    lies_in_study,
+)
 from uqpen.models.outcomes import DeclaredOutcome, with_outcome
 from uqpen.models.run_grid import FieldSources, RunGrid, UnusableOutputError, dimension_names
 from uqpen.models.user_code import one_line
@@ -277,6 +284,16 @@ class Command(Model):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "name", " ".join(self.words))
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        word = self.words[0]
+        if self.program is None or "/" in word:
+            return ()
+        text = f"the program {word} is {self.program.executed.read.path}"
+        if lies_in_study(word, self.program.folder):
+            return (f'warning: {text}; the one beside the study is "./{word}"',)
+        return (text,)
 
     @property
     def run_limits(self) -> Limits:

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from uqpen.core.arrays import FloatArray, floats
-from uqpen.core.columns import heading_parts
+from uqpen.core.columns import has_decimal_comma, heading_parts, number_expected
 from uqpen.core.errors import Problem, SettingsError, TableError, toml_text
 from uqpen.core.files import FileSnapshot, NotAFileError, read_file
 from uqpen.core.netcdf.opening import (
@@ -88,13 +88,14 @@ class DataColumn:
     def coded(self) -> DataColumn:
         """Return a column of texts with codes: positions in its labels, the sorted distinct texts.
 
-        A column with a number among its texts stays as it is, as does one without labels that
-        several rows share: it has a mistake, or a remark on each row.
+        A column with a number among its texts, also one with a comma, stays as it is, as does one
+        without labels that several rows share: it has a mistake, or a remark on each row.
         """
         texts = [] if isinstance(self.entries, np.ndarray) else self.texts()
         labels = sorted({*texts} - {""})
         if not 2 <= len(labels) <= min(len(texts) // 2, _MOST_LABELS) or any(
-            _NUMBER.fullmatch(each) or each.lower() == _FAILED for each in labels
+            _NUMBER.fullmatch(each) or has_decimal_comma(each) or each.lower() == _FAILED
+            for each in labels
         ):
             return self
         code = {"": math.nan} | {label: float(place) for place, label in enumerate(labels)}
@@ -144,7 +145,7 @@ class DataColumn:
         """Return the value at an end of its range that stands alone; None where none does.
 
         It stands in at most a twentieth of the rows, and is away from the next one by ten times
-        the range of the others; or by half of it, if its digits are all 9.
+        the range of the others. If its digits are all 9, half of the rows and of the range do.
         """
         numbers = self.numbers()
         values, counts = np.unique(numbers[np.isfinite(numbers)], return_counts=True)
@@ -153,7 +154,8 @@ class DataColumn:
         for end, others in ((0, values[1:]), (-1, values[:-1])):
             value, spread = float(values[end]), float(np.ptp(others))
             gap = float(min(abs(others - value)))
-            if gap > spread * (0.5 if is_nines(value) else 10) and counts[end] * 20 <= counts.sum():
+            farthest, share = (0.5, 2) if is_nines(value) else (10, 20)
+            if gap > spread * farthest and counts[end] * share <= counts.sum():
                 return value
         return None
 
@@ -186,7 +188,8 @@ class DataColumn:
         if _NUMBER.fullmatch(plain) or _INFINITE.fullmatch(plain):
             return float(plain)
         shown = plain if len(plain) <= _MOST_QUOTED else f"{plain[:_MOST_QUOTED]}…"
-        raise data_error(f"{toml_text(shown)} in {self.place_text(entry)}", "a number")
+        expected = number_expected(plain)
+        raise data_error(f"{toml_text(shown)} in {self.place_text(entry)}", expected)
 
 
 @dataclass(frozen=True, eq=False)
