@@ -264,7 +264,21 @@ def test_statistics_at_a_place_are_of_the_curves_that_get_there(archive):
     assert float(moving["std"][later]) == pytest.approx(truth.std(), rel=1e-2)
     assert moving["reached"].attrs.keys() >= {"estimator"}
     assert moving["mean"].attrs["conditional_on"] == "the curve's reaching the place"
-    assert np.isnan(moving["first_order"]).all()
+    # Sobol' indices are of places that all curves reach.
+    first = moving["first_order"]
+    last = int(np.flatnonzero(first.notnull().all("input"))[-1])
+    assert PLACES[last] == pytest.approx(7, abs=0.1)
+    z, x = np.meshgrid(np.linspace(7, 11, 801)[1::2], np.linspace(0.5, 1.5, 801)[1::2])
+    curve = x * (2 + np.cos(18 / z)) + (6 / z) ** 3
+    share = curve.mean(axis=0).var() / curve.var()
+    assert float(first.sel(input="z")[300]) == pytest.approx(share, abs=0.01)
+    assert float(moving["total_order"].sel(input="x")[300]) == pytest.approx(1 - share, abs=0.01)
+    shown = CliRunner().invoke(show, [str(archive), "--output", "moving", "--at", "time=9"])
+    text = " ".join(shown.output.split())
+    assert "some curves end before, and the inputs of the others depend on each other" in text
+    whole = moving["generalized_first_order"]
+    assert f"up to time = {PLACES[last]:g} s" in whole.attrs["long_name"]
+    assert 0.9 < float(whole.sum()) < 1
     decay = tree["statistics/pce/decay"].to_dataset()
     mean = decay["mean"].sel(bound="estimate")
     known = np.isfinite(mean.values)

@@ -54,15 +54,16 @@ def show_answer(tree: xr.DataTree, archive: Path) -> None:
 
 
 def show_tables(tree: xr.DataTree, *, everything: bool = False) -> None:
-    """Show a title, a table for each output, and the failed runs by reason."""
+    """Show a title, curves, a table for each other output, and the failed runs by reason."""
     console = standard_output()
     console.print(Text(screen_text(str(tree.attrs["title"])), style="bold"))
-    for table in output_tables(tree, everything=everything):
-        show_table(console, table)
-    for table in (*field_tables(tree), *curve_tables(tree)):
+    # Shares and diagnostics of a curve say little without it.
+    for table in (*curve_tables(tree), *field_tables(tree)):
         show_table(console, table)
     if option := place_option(tree):
         console.print(Text(f"\n{screen_text(option)}", style="dim"), soft_wrap=True)
+    for table in output_tables(tree, everything=everything):
+        show_table(console, table)
     models = headed_models(tree)
     lines = [f"{head}{line}" for head, each in models.items() for line in derived_lines(each)]
     if lines:

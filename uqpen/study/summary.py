@@ -127,7 +127,7 @@ def unfitted_lines(study: ValidatedStudy) -> Iterator[str]:
 
 
 def default_run_lines(study: ValidatedStudy) -> Iterator[str]:
-    """Yield a warning of a design that has most of the runs, of which the study states no number.
+    """Yield a warning of a design with most of the runs, whose number the study does not state.
 
     Runs of a vectorised model cost little, so that there is none of these.
     """

@@ -29,6 +29,7 @@ from uqpen.report.sections.sentences import (
 from uqpen.results.acceptance import Acceptance
 from uqpen.results.archive_view import ArchiveView, select_view
 from uqpen.results.digits import estimate_text
+from uqpen.results.field_tables import field_lines
 from uqpen.results.input_measures import input_ranking
 from uqpen.results.table import estimate_remark
 from uqpen.results.texts import plain_text
@@ -36,6 +37,8 @@ from uqpen.results.texts import plain_text
 # Inputs that are named, and statistics of an output.
 _MOST_INPUTS = 3
 _MOST_STATISTICS = 3
+# Curves that are named, where a study has no other output.
+_MOST_CURVES = 3
 
 
 def summary_lines(tree: xr.DataTree) -> Iterator[str]:
@@ -74,6 +77,8 @@ def _sample_lines(view: ArchiveView, design: str) -> Iterator[str]:
     yield from map(_finding_line, decision_findings(view))
     for lines in by_output:
         yield from lines[:1]
+    if not main:
+        yield from map(plain_text, islice(field_lines(view.archive), _MOST_CURVES))
     if view.model:
         yield from model_form_texts(view, main, design)
     else:

@@ -196,6 +196,22 @@ class PickFreezePairs:
     # (pair,): those at the second, by the set of inputs that the two share; 0 is the set of none.
     second: Mapping[int, Mapping[str, FloatArray]]
 
+    def columns(self, names: Sequence[str], most: int | None = None) -> dict[int, FloatArray]:
+        """Return some outputs of the pairs, by the shared set; of the first draws by -1.
+
+        Their shape is (pair, output). Pairs with an output that is not finite are left out; of each
+        replicate, at most the first `most` are taken.
+        """
+        count = len(self.first[names[0]])
+        rows = np.arange(count).reshape(_REPLICATES, -1)[:, :most].ravel()
+        every = {-1: self.first, **self.second}
+        drawn = {
+            subset: np.column_stack([found[name][rows] for name in names])
+            for subset, found in every.items()
+        }
+        usable = np.all([np.isfinite(each).all(axis=1) for each in drawn.values()], axis=0)
+        return {subset: each[usable] for subset, each in drawn.items()}
+
     def variance_shares(
         self, output: str, function: Callable[[FloatArray], FloatArray]
     ) -> VarianceShares | None:

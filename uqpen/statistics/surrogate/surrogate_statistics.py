@@ -193,12 +193,7 @@ def _sampled_shares(
     pairs: PickFreezePairs, scores: Sequence[str], components: FloatArray
 ) -> dict[str, FloatArray]:
     """Estimate the same from pairs of draws of the scores."""
-    drawn = {
-        subset: np.column_stack([found[name] for name in scores])
-        for subset, found in {-1: pairs.first, **pairs.second}.items()
-    }
-    usable = np.all([np.isfinite(each).all(axis=1) for each in drawn.values()], axis=0)
-    second = {subset: each[usable] for subset, each in drawn.items()}
+    second = pairs.columns(scores)
     first, unrelated = second.pop(-1), second.pop(0)
     centred = first - first.mean(axis=0)
 
@@ -216,18 +211,60 @@ def _sampled_shares(
             share = forms(centred, values - unrelated) / variance
             rest = forms(first - values, first - values) / 2 / variance
             explained[subset] = np.where(share < rest, share, 1 - rest)
-    shares = VarianceShares(pairs.dimension, explained)
+    return _by_name(VarianceShares(pairs.dimension, explained), len(variance))
+
+
+def _scaled_shares(pairs: PickFreezePairs, fit: FieldFit) -> dict[str, FloatArray]:
+    """Estimate the same of scaled curves, at the first places, to which all draws get.
+
+    Farther along, the inputs of the curves that get there depend on each other.
+    """
+    parts = fit.components
+    assert isinstance(parts, EndingComponents)
+    evaluations = len(parts.places) * (len(pairs.second) + 1)
+    most = int(np.clip(_MOST_CURVE_VALUES // evaluations // 16, _FEWEST_CURVES, _MOST_CURVES))
+    drawn = pairs.columns(fit.names, 1 << most.bit_length() - 1)
+    sums: list[dict[int, float]] = []
+    for position in range(len(parts.places)):
+        place = slice(position, position + 1)
+        second = {key: parts.curves_at(each, place)[:, 0] for key, each in drawn.items()}
+        if not all(np.isfinite(each).all() for each in second.values()):
+            break
+        first, unrelated = second.pop(-1), second.pop(0)
+        centred = first - first.mean()
+        own = {-1: float((centred**2).mean())}
+        for subset, values in second.items():
+            share = float((centred * (values - unrelated)).mean())
+            rest = float(((first - values) ** 2).mean()) / 2
+            own[subset] = share if share < rest else own[-1] - rest
+        sums.append(own)
+    weights = parts.place_weights[: len(sums)]
+    table = {key: np.array([own[key] for own in sums]) for key in sums[0]}
+    table = {key: np.append(each, weights @ each) for key, each in table.items()}
+    variance = table.pop(-1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        explained = {key: each / variance for key, each in table.items()}
+    explained[0] = np.zeros(len(variance))
+    explained[(1 << pairs.dimension) - 1] = np.ones(len(variance))
+    return _by_name(VarianceShares(pairs.dimension, explained), len(variance))
+
+
+def _by_name(shares: VarianceShares, count: int) -> dict[str, FloatArray]:
+    """Return shares at places, and at the end of the whole field, by the names of the indices."""
     shapley = shares.shapley
     return {
         "first_order": shares.first_order[:-1],
         "total_order": shares.total_order[:-1],
-        "shapley": np.full((len(variance), pairs.dimension), np.nan)[:-1]
+        "shapley": np.full((count, shares.dimension), np.nan)[:-1]
         if shapley is None
         else shapley[:-1],
         "generalized_first_order": shares.first_order[-1],
         "generalized_total_order": shares.total_order[-1],
     }
 
+
+# Values of scaled curves in their indices, and pairs of each replicate: at least, and at most.
+_MOST_CURVE_VALUES, _FEWEST_CURVES, _MOST_CURVES = 2**24, 64, 512
 
 # Values of a field that are put together at a time: 32 MB.
 _MOST_VALUES = 2**22
@@ -349,33 +386,44 @@ class _Field:
 
     def indices(self) -> Arrays:
         """Yield Sobol' indices and Shapley effects at each place and of the whole field."""
-        joint, parts, shares = self.draws.joint, self.fit.components.components, None
-        if self.is_scaled:
-            estimator = self.draws.pairs_estimator
-        elif self.terms:
+        joint, components, shares = self.draws.joint, self.fit.components, None
+        parts = components.components
+        if self.terms and not self.is_scaled:
             estimator = _FROM_COEFFICIENTS
             shares = _closed_form_shares(*self.terms, parts)
         else:
             estimator = self.draws.pairs_estimator
-            if not joint.conditional_reason:
+            if self.is_scaled and not joint.conditional_reason:
+                shares = _scaled_shares(self.draws.pairs, self.fit)
+            elif not joint.conditional_reason:
                 shares = _sampled_shares(self.draws.pairs, self.fit.scores, parts)
         names = [entry.variable.name for entry in joint.random]
         for name, title in _INDICES.items():
-            places = () if name.startswith("generalized_") else (parts.shape[1],)
+            is_of_places = not name.startswith("generalized_")
+            places = (parts.shape[1],) if is_of_places else ()
             values = None if shares is None else shares[name]
-            reason = texts.SCALED_CURVES if self.is_scaled else joint.conditional_reason
+            reason = joint.conditional_reason
             if values is None or ("total" in name and not joint.is_independent):
                 values = np.full((*places, len(names)), np.nan)
                 reason = reason or texts.DEPENDENT_INPUTS
-            elif name == "shapley" and len(names) > MOST_INPUTS_FOR_ALL_SETS and not self.terms:
+            elif (
+                name == "shapley"
+                and len(names) > MOST_INPUTS_FOR_ALL_SETS
+                and not (self.terms and not self.is_scaled)
+            ):
                 reason = reason or texts.TOO_MANY_SUBSETS.format(inputs=len(names))
+            up_to = ""
+            if isinstance(components, EndingComponents) and self.is_scaled and shares is not None:
+                last = components.dimension.values[len(shares["first_order"]) - 1]
+                up_to = f" up to {components.dimension.place_text(last)}" * (not is_of_places)
             array = self._array(
                 values,
-                f"{title} of {self.quantity.output.title}",
+                f"{title} of {self.quantity.output.title}{up_to}",
                 estimator,
                 reason or texts.CONSTANT_AT_DRAWS,
                 own=(INPUT,),
                 coordinates=input_coordinate(names),
+                beyond=texts.NOT_ALL_REACH if self.is_scaled else "",
             )
             yield name, array.assign_attrs(estimand=self.draws.estimand)
 
@@ -389,21 +437,23 @@ class _Field:
         unit: str = "1",
         own: tuple[str, ...] = (),
         coordinates: Mapping[Any, Any] = MappingProxyType({}),
+        beyond: str = "",
     ) -> xr.DataArray:
         """Return an estimate array, of places and along some dimensions or along these alone.
 
-        What is NaN has a reason.
+        What is NaN has a reason; `beyond` is that of places behind the values, if it is another
+        one than that of the components.
         """
         dims = self.quantity.output.dims if values.ndim > len(own) else ()
         reasons = np.full(values.shape, reason, dtype=object)
         attributes = {ESTIMATOR: estimator}
-        if dims and self.is_scaled:
+        if dims and self.is_scaled and not beyond:
             attributes[CONDITIONAL] = texts.REACHED
         parts = self.fit.components
         if dims and isinstance(parts, EndingComponents):
-            beyond = [(0, len(parts.places) - len(values)), *[(0, 0)] * (values.ndim - 1)]
-            values = np.pad(values, beyond, constant_values=np.nan)
-            reasons = np.pad(reasons, beyond, constant_values=parts.beyond_text)
+            width = [(0, len(parts.places) - len(values)), *[(0, 0)] * (values.ndim - 1)]
+            values = np.pad(values, width, constant_values=np.nan)
+            reasons = np.pad(reasons, width, constant_values=beyond or parts.beyond_text)
         shape = (*(len(each.values) for each in dims), *values.shape[values.ndim - len(own) :])
         bounds = np.full((values.size, len(BOUNDS)), np.nan)
         bounds[:, 0] = values.ravel()
