@@ -38,7 +38,7 @@ from uqpen.results.texts import plain_text
 _MOST_INPUTS = 3
 _MOST_STATISTICS = 3
 # Curves that are named, where a study has no other output.
-_MOST_CURVES = 3
+_MOST_CURVES, _LONGEST_LINE = 3, 400
 
 
 def summary_lines(tree: xr.DataTree) -> Iterator[str]:
@@ -77,8 +77,7 @@ def _sample_lines(view: ArchiveView, design: str) -> Iterator[str]:
     yield from map(_finding_line, decision_findings(view))
     for lines in by_output:
         yield from lines[:1]
-    if not main:
-        yield from map(plain_text, islice(field_lines(view.archive), _MOST_CURVES))
+    yield from () if main else _curve_lines(view)
     if view.model:
         yield from model_form_texts(view, main, design)
     else:
@@ -101,6 +100,12 @@ def _sample_lines(view: ArchiveView, design: str) -> Iterator[str]:
     for lines in by_output:
         yield from lines[1:]
     yield from (_count_line(each, design) for each in views if not missing_count(each, design))
+
+
+def _curve_lines(view: ArchiveView) -> Iterator[str]:
+    """Yield the ranges of the first curves."""
+    for line in islice(field_lines(view.archive), _MOST_CURVES):
+        yield plain_text(line, _LONGEST_LINE)
 
 
 def _count_line(view: ArchiveView, design: str) -> str:
