@@ -6,7 +6,7 @@ from runpy import run_path
 import numpy as np
 import pytest
 import xarray as xr
-from scipy import stats
+from scipy import special, stats
 
 import uqpen
 from uqpen.core.model import Output
@@ -16,6 +16,7 @@ from uqpen.statistics.published import (
     Publication,
     PublishedEstimates,
     TableComparison,
+    _normal_score,
     compare_moments,
 )
 
@@ -100,3 +101,40 @@ def test_right_publications_are_rejected_as_often_as_the_level_says(monkeypatch)
     # Neither bound is passed by a true rate of 5 % in one of a thousand repetitions.
     low, high = stats.binom(cases, LEVEL).ppf([0.0005, 0.9995])
     assert low <= rejected <= high
+
+
+def rejected_of(cases, draw, rng):
+    """Right publications of 400 heavy-tailed runs that 4 000 others reject."""
+    found = 0
+    for _ in range(cases):
+        theirs, ours = draw(400), draw(4000)
+        figures = {"mean": float(theirs.mean()), "std": float(theirs.std(ddof=1))}
+        publication = Publication(
+            "a paper", (PublishedEstimates(Output("a", "1"), **figures),), 400
+        )
+        columns = {"status": ("run", np.zeros(4000, dtype=np.int8)), "a": ("run", ours)}
+        found += compare_moments(publication, xr.Dataset(columns), rng).p < LEVEL
+    return found
+
+
+def test_a_heavy_tail_rejects_right_publications_no_more_often(monkeypatch):
+    monkeypatch.setattr("uqpen.statistics.published.VECTORS", 2_000)
+    rng = np.random.default_rng(11)
+    draw = lambda size: np.exp(rng.standard_normal(size))  # noqa: E731
+    # By normal scores it is 8 %.
+    assert rejected_of(200, draw, rng) <= stats.binom(200, LEVEL).ppf(0.9)
+
+
+def test_the_score_of_a_mean_is_that_of_its_exact_distribution():
+    # Means of 25 exponential values have a gamma distribution, means of few normal ones a
+    # noise that is known from few: with the moments 1, 2 and 9, and 1, 0 and 3.
+    size = 10**9
+    for z in (1.5, 3.0, 6.0):
+        figure = Comparison("a", "mean", 1 + z / 5, 1.0, 1 / 5, 0.0, 0.0)
+        exact = -special.ndtri(special.gammaincc(25, 25 + 5 * z))
+        assert _normal_score(figure, 1.0, size, 2.0, 9.0) == pytest.approx(exact, rel=1e-5)
+        few = -special.ndtri(stats.t(12).sf(z))
+        assert _normal_score(figure, 1.0, 12, 0.0, 3.0) == pytest.approx(few, rel=1e-9)
+        # On the side without a tail the skewness accuses nothing.
+        low = figure._replace(published=1 - z / 5)
+        assert abs(_normal_score(low, 1.0, size, 2.0, 9.0)) <= z * (1 + 1e-9)
