@@ -76,7 +76,6 @@ def test_a_word_of_other_programs_is_met_with_the_one_here(path, word, here, tmp
         ([2, 3], "{ uniform = { lower = 2, upper = 3 } }"),
         ("N(2, 0.1) m", '"(2 ± 0.1) m"'),
         ("U(2, 3) m", '{ uniform = { lower = "2 m", upper = "3 m" } }'),
-        ("40 * y", "what follows from other inputs belongs to the model"),
         ({"type": "normal", "mean": "2 m", "std": "1 m"}, "{ normal = { mean = …, std = … } }"),
         ({"levy": {"scale": 2}}, '{ scipy = { name = "levy", … } }; or known: normal'),
         ({"kumaraswamy": {"a": 2}}, '{ chaospy = { name = "Kumaraswamy", … } }'),

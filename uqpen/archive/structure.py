@@ -60,6 +60,7 @@ from uqpen.core.labels import (
     DECISION_RUNS,
     DECISION_UPPER,
     DERIVED_FROM,
+    DERIVED_INPUT,
     FAILED_RUN,
     FAILURE_REASON,
     FAILURES_GROUP,
@@ -560,7 +561,8 @@ def _input_faults(dataset: xr.Dataset, inputs: set[str]) -> Iterator[str]:
 def _variable_roles(runs: xr.Dataset) -> dict[str, bool]:
     """Return the inputs and outputs, and whether each is an output."""
     roles = {str(name): runs.variables[name].attrs.get(ROLE) for name in runs.data_vars}
-    return {name: role == "output" for name, role in roles.items() if role in ("input", "output")}
+    known = ("input", DERIVED_INPUT, "output")
+    return {name: role == "output" for name, role in roles.items() if role in known}
 
 
 def _variable_faults(runs: xr.Dataset) -> Iterator[str]:

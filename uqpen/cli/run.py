@@ -17,9 +17,21 @@ if TYPE_CHECKING:
     from uqpen.core.arrays import FloatArray
     from uqpen.core.model import Input, Model, Output
     from uqpen.distributions.constraints import Constraint
+    from uqpen.distributions.joint_distribution import JointDistribution
     from uqpen.study.study import ValidatedStudy
 
     Inputs = Mapping[str, float]
+    # Name in the study, model, inputs, those that cannot be set, constraints, units, joint
+    # distribution.
+    _TrialRun = tuple[
+        str,
+        Model,
+        Inputs,
+        Inputs,
+        Sequence[Constraint],
+        Mapping[str, str],
+        JointDistribution | None,
+    ]
 
 
 @click.command(short_help="Run a model once and show its outputs.")
@@ -38,25 +50,31 @@ def run(model: str, given: tuple[str, ...], folder: Path | None, trust: bool) ->
 
     Inputs of a study or a surrogate that are not set are at their medians.
     """
+    import numpy as np
+
     from uqpen.cli.console import plain_table, standard_output
 
     if archive := split_surrogate(model):
         _run_surrogate(*archive, given, folder, trust=trust)
         return
     trials = list(_trial_runs(model))
-    for label, trial, inputs, own, constraints, units in trials:
+    for label, trial, inputs, own, constraints, units, joint in trials:
         if len(trials) > 1:
             standard_output().print(f"\n{label}", markup=False)
         # What a model takes in place of the study's inputs is what makes it that model.
-        inputs = {**inputs, **_parse_inputs(trial.name, trial.inputs, given), **own}
+        set_here = {**_parse_inputs(trial.name, trial.inputs, given), **own}
+        inputs = {**inputs, **set_here}
+        if joint and (complete := joint.following(set_here)):  # what follows from a value set here
+            columns = complete({name: np.array(value) for name, value in inputs.items()})
+            inputs = {name: float(value) for name, value in columns.items()}
         rows = list(_output_rows(trial, inputs, constraints, units))
         standard_output().print(plain_table(["output", "value", "unit"], rows))
 
 
 def _trial_runs(
     name: str,
-) -> Iterator[tuple[str, Model, Inputs, Inputs, Sequence[Constraint], Mapping[str, str]]]:
-    """Yield each model with its name in the study, its inputs, those that cannot be set, units."""
+) -> Iterator[_TrialRun]:
+    """Yield each model with its name in the study and what is needed to run it once."""
     from uqpen.core.lookup import resolve_name
     from uqpen.models import MODELS
 
@@ -66,11 +84,12 @@ def _trial_runs(
         study = load_study(Path(name))
         nominal, units = study.joint.nominal(), study.display_units()
         for label, variant in study.models.items():
-            yield label, variant.model, nominal, variant.given, study.constraints, units
+            parts = (variant.given, study.constraints, units, study.joint)
+            yield label, variant.model, nominal, *parts
     else:
         model: Model = resolve_name(MODELS, name, "model")()
         defaults = {v.name: v.default for v in model.inputs if v.default is not None}
-        yield "", model, defaults, {}, (), {}
+        yield "", model, defaults, {}, (), {}, None
 
 
 def _run_surrogate(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -179,7 +180,9 @@ def _study_offers(path: Path, named: tuple[str, ...]) -> Iterator[ServedModel]:
         fixed = {**study.joint.nominal(), **variant.given}
         settings = model_identity(study, label).fingerprint.items()
         fingerprint = {key: value for key, value in settings if key not in versions}
-        yield _offer(label or model.name, model, varied, fixed, study.constraints, fingerprint)
+        offered = _offer(label or model.name, model, varied, fixed, study.constraints, fingerprint)
+        complete = study.joint.following({*varied, *variant.given})
+        yield replace(offered, evaluator=replace(offered.evaluator, complete=complete))
 
 
 def _archive_offers(

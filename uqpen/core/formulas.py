@@ -86,8 +86,8 @@ class Formula:
         return np.where(np.isfinite(found), found, np.nan)
 
 
-def parse_formula(text: str, units: Mapping[str, str], named: str) -> Formula:
-    """Read a formula of quantities, whose SI units are given.
+def parse_formula(text: str, units: Mapping[str, str], named: str, what: str = "output") -> Formula:
+    """Read a formula of quantities, whose SI units are given; `named` and `what` are for messages.
 
     ConstraintError if something else stands in it, or its units do not agree.
     """
@@ -100,8 +100,19 @@ def parse_formula(text: str, units: Mapping[str, str], named: str) -> Formula:
         each.id for each in ast.walk(tree) if isinstance(each, ast.Name) and each.id in units
     )
     if not names:
-        raise ConstraintError(f"{toml_text(text)}, which names no output", _FORMULA)
+        raise ConstraintError(f"{toml_text(text)}, which names no {what}", _FORMULA)
     return Formula(ast.unparse(tree), names, unit)
+
+
+def names_in(text: str) -> frozenset[str]:
+    """Return the names in a text that is an expression; none of another text."""
+    try:
+        tree = parse_tree(text, "")
+    except ConstraintError:
+        return frozenset()
+    functions = {each.func for each in ast.walk(tree) if isinstance(each, ast.Call)}
+    names = (each for each in ast.walk(tree) if isinstance(each, ast.Name))
+    return frozenset(each.id for each in names if each not in functions)
 
 
 def parse_tree(text: str, expected: str) -> ast.expr:

@@ -195,6 +195,8 @@ AGREEMENT = "agreement_with_inputs"
 # How many rows of a data file are left out, and why; values far from all others in their column.
 DROPPED_ROWS = "dropped_rows"
 DISTANT_VALUES = "distant_values"
+# Role of an input that follows from others by a formula, and so has no distribution of its own.
+DERIVED_INPUT = "derived input"
 # The codes of inputs that are texts in a data file.
 CODED_INPUTS = "coded_inputs"
 # The texts of such an input, in the order of its codes.

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import combinations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -12,7 +13,15 @@ import scipy
 
 from uqpen.core.arrays import Arrays, FloatArray
 from uqpen.core.files import FileSnapshot
-from uqpen.core.labels import CODE_LABELS, DEPENDENCE, ROLE, RUN
+from uqpen.core.formulas import Formula
+from uqpen.core.labels import (
+    CODE_LABELS,
+    DEPENDENCE,
+    DERIVED_FROM,
+    DERIVED_INPUT,
+    ROLE,
+    RUN,
+)
 from uqpen.core.model import Input
 from uqpen.distributions.copulas import Dependence
 from uqpen.distributions.distribution import OPEN_INTERVAL, Distribution, UnloadedDistribution
@@ -64,6 +73,15 @@ class MeasuredDependence:
 
 
 @dataclass(frozen=True)
+class DerivedInput:
+    """An input that follows from others by a formula, so that the others stay independent."""
+
+    variable: Input
+    formula: Formula  # of inputs, in SI units
+    display_unit: str
+
+
+@dataclass(frozen=True)
 class JointDistribution:
     """Joint distribution of a study's inputs, in the model's order.
 
@@ -71,7 +89,8 @@ class JointDistribution:
     of inputs that have a joint distribution of their own.
     """
 
-    inputs: tuple[FixedInput | RandomInput, ...]  # at most one of each name
+    # At most one of each name.
+    inputs: tuple[FixedInput | RandomInput | DerivedInput, ...]
     # All inputs of the model: a table of points may give some that the study does not.
     variables: tuple[Input, ...]
     # The copula of some of the random inputs; the others are independent.
@@ -89,6 +108,39 @@ class JointDistribution:
     def random(self) -> tuple[RandomInput, ...]:
         """The inputs with a distribution."""
         return tuple(entry for entry in self.inputs if isinstance(entry, RandomInput))
+
+    @cached_property
+    def derived(self) -> tuple[DerivedInput, ...]:
+        """The inputs that follow from others, each behind those that its formula names."""
+        left = {each.variable.name: each for each in self.inputs if isinstance(each, DerivedInput)}
+        found: list[DerivedInput] = []
+        while left:
+            ready = [each for each in left.values() if left.keys().isdisjoint(each.formula.names)]
+            assert ready, "a study with a cycle is refused"
+            found += ready
+            for each in ready:
+                del left[each.variable.name]
+        return tuple(found)
+
+    def with_derived(self, values: Arrays) -> dict[str, FloatArray]:
+        """Return values of inputs with those that follow from them and are not among them."""
+        found = dict(values)
+        for each in self.derived:
+            if each.variable.name not in found and each.formula.names <= found.keys():
+                found[each.variable.name] = each.formula.values(found)
+        return found
+
+    def following(self, kept: Collection[str]) -> Callable[[Arrays], dict[str, FloatArray]] | None:
+        """Return a function that computes the inputs that follow from others, but for some.
+
+        Values of them that it gets are nominal ones, say. None where there is nothing to compute.
+        """
+        again = {each.variable.name for each in self.derived} - {*kept}
+        if not again:
+            return None
+        return lambda values: self.with_derived(
+            {name: column for name, column in values.items() if name not in again}
+        )
 
     @property
     def files(self) -> tuple[FileSnapshot, ...]:
@@ -127,11 +179,15 @@ class JointDistribution:
 
         An input whose distribution is not loaded has none.
         """
-        return {
-            entry.variable.name: entry.nominal
-            for entry in self.inputs
+        entries: Iterable[FixedInput | RandomInput] = (*self.fixed, *self.random)
+        found = {
+            entry.variable.name: np.array(entry.nominal)
+            for entry in entries
             if entry.variable.name not in self.unloaded
         }
+        of_all = self.with_derived(found)
+        names = (entry.variable.name for entry in self.inputs)
+        return {name: float(of_all[name]) for name in names if name in of_all}
 
     @property
     def unloaded(self) -> dict[str, str]:
@@ -217,6 +273,10 @@ def points_dataset(
     import xarray as xr
 
     fixed = {entry.variable.name: entry.value for entry in joint.fixed}
+    derived = {entry.variable.name: entry.formula.text for entry in joint.derived}
+    of_all = joint.with_derived(
+        {name: np.array(each) for name, each in fixed.items()} | dict(values)
+    )
     fits = {entry.variable.name: entry.fit for entry in joint.random}
     variables: dict[str, Any] = {}
     # One of several models may not take an input, which is described all the same.
@@ -230,7 +290,11 @@ def points_dataset(
             **fits.get(name, {}),
             **({CODE_LABELS: list(variable.labels)} if variable.labels else {}),
         }
-        if name in values:
+        if name in derived and name in of_all and name not in values:
+            attributes |= {ROLE: DERIVED_INPUT, DERIVED_FROM: derived[name]}
+            is_fixed = np.ndim(of_all[name]) == 0
+            variables[name] = (() if is_fixed else RUN, of_all[name], attributes)
+        elif name in values:
             variables[name] = (RUN, values[name], attributes)
         elif name in fixed:
             variables[name] = ((), fixed[name], attributes)

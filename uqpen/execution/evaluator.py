@@ -34,6 +34,8 @@ class Evaluator:
     model: Model  # the model to run
     # Constraints on the inputs; points that violate one are inadmissible and not run.
     constraints: Sequence[Constraint] = ()
+    # Adds inputs that follow from others; None where the points have them.
+    complete: Callable[[Arrays], dict[str, FloatArray]] | None = None
 
     def __call__(self, inputs: dict[str, FloatArray], *, is_observed: bool = False) -> Results:
         """Return the results of a batch of points, given in SI units.
@@ -42,6 +44,7 @@ class Evaluator:
         """
         if self.needs_child:
             return run_in_child(EvaluatorWork(self), Batch(0, inputs)).results
+        inputs = self.complete(inputs) if self.complete else inputs
         runs = len(next(iter(inputs.values())))
         is_admissible = np.ones(runs, dtype=np.bool_)
         reasons: dict[int, str] = {}
@@ -85,6 +88,7 @@ class Evaluator:
 
     def violations(self, inputs: dict[str, FloatArray]) -> Iterator[tuple[Any, str]]:
         """Yield each condition on a batch of points, with a mask of those that violate it."""
+        inputs = self.complete(inputs) if self.complete else inputs
         yield from violated_conditions(self.model, inputs)
         for constraint in self.constraints:
             yield ~constraint.is_satisfied(inputs), constraint.text

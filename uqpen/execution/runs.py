@@ -152,7 +152,7 @@ def _add_attributes(runs: xr.Dataset, model: Model, display_units: Mapping[str, 
                 categories = variable.categories if isinstance(variable, Output) else ()
                 stored[variable.name].attrs |= {
                     "long_name": variable.title,
-                    ROLE: role,
+                    ROLE: stored[variable.name].attrs.get(ROLE, role),
                     **(_category_attributes(categories) if categories else measure),
                     **(_END if isinstance(variable, Output) and variable.may_end else {}),
                     **(_absence(variable) if isinstance(variable, Output) else {}),

@@ -21,6 +21,7 @@ from uqpen.core.labels import (
     BOUNDS,
     CODE_LABELS,
     DECISION,
+    DERIVED_INPUT,
     DIFFERENCES,
     EQUIVALENT_RUNS,
     FAILED_RUN,
@@ -320,7 +321,7 @@ def _design_table(runs: xr.Dataset, *, si: bool, start: int = 0) -> pd.DataFrame
     size = runs.sizes[RUN]
     status = runs[STATUS].values
     columns = {RUN: np.arange(start, start + size), **_run_coordinates(runs)}
-    for role in ("input", "output"):
+    for role in ("input", DERIVED_INPUT, "output"):
         for variable in runs.data_vars.values():
             if variable.attrs.get(ROLE) == role:
                 columns |= dict(_variable_columns(variable, size, status == Status.OK, si=si))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,6 +15,7 @@ import numpy as np
 from uqpen.core.arrays import FloatArray
 from uqpen.core.columns import Column
 from uqpen.core.errors import ConstraintError, QuantityError, SettingsError, TableError, toml_text
+from uqpen.core.formulas import names_in, parse_formula
 from uqpen.core.lookup import choices, nearest, resolve
 from uqpen.core.model import Input, Model
 from uqpen.core.quantities import parse_quantity, parse_spread
@@ -30,7 +31,12 @@ from uqpen.distributions.frozen import (
     frozen_distribution,
     frozen_families,
 )
-from uqpen.distributions.joint_distribution import FixedInput, JointDistribution, RandomInput
+from uqpen.distributions.joint_distribution import (
+    DerivedInput,
+    FixedInput,
+    JointDistribution,
+    RandomInput,
+)
 from uqpen.distributions.measurements import (
     FEWEST,
     FEWEST_FOR_A_FAMILY,
@@ -266,7 +272,7 @@ def _fit(
     return None
 
 
-Entry = FixedInput | RandomInput
+Entry = FixedInput | RandomInput | DerivedInput
 
 # The ends of a truncated distribution, and their names in its description.
 _FAMILIES = (*DISTRIBUTIONS, MIXTURE, MEASURED, *LIBRARIES)
@@ -282,7 +288,11 @@ def read_inputs(table: TableReader, model: Model, stream: Stream, groups: Groups
     known = {variable.name: variable for variable in model.inputs}
     entries: dict[str, Entry | None] = {}
     for name in check_names(table, known, "input", model):
-        entries[name] = _read_input(table, known[name], stream.child(name))
+        if _is_formula(table.content[name], known[name], model):
+            entries[name] = _read_derived_input(table, known[name], known)
+        else:
+            entries[name] = _read_input(table, known[name], stream.child(name))
+    _check_cycles(table, entries)
     entries |= groups.entries
     others = [variable for variable in model.inputs if variable.name not in groups.owners]
     for variable in others:
@@ -322,6 +332,58 @@ def read_constraints(table: TableReader, model: Model, inputs: Inputs) -> tuple[
             table.add_problems(error.problems, "keep", position)
     table.check_unknown_keys()
     return tuple(found)
+
+
+def _is_formula(value: object, variable: Input, model: Model) -> bool:
+    """Check for a text that computes an input from others; a quantity is none."""
+    if not isinstance(value, str) or isinstance(model, DataModel) or len(value) > _LONGEST_FORM:
+        return False
+    with suppress(QuantityError):
+        parse_quantity(value, variable.unit)
+        return False
+    named = names_in(value)
+    is_known = not named.isdisjoint(each.name for each in model.inputs)
+    return is_known or (bool(named) and _FORMULA.fullmatch(value.strip()) is not None)
+
+
+def _read_derived_input(
+    table: TableReader, variable: Input, known: Mapping[str, Input]
+) -> DerivedInput | None:
+    """Read an input that follows from others, such as ``"0.1 * diameter"``."""
+    written = table.take(variable.name)
+    units = {name: each.unit for name, each in known.items() if name != variable.name}
+    if variable.unit is ANY_DIMENSION or ANY_DIMENSION in units.values():
+        return None
+    try:
+        formula = parse_formula(written, units, "an input of the model", "input")
+    except ConstraintError as error:
+        table.add_problems(error.problems, variable.name)
+        return None
+    if not are_convertible(formula.unit, variable.unit):
+        found = f"{toml_text(written)}, in {formula.unit}"
+        table.add_problem(variable.name, found, describe(variable.unit))
+        return None
+    return DerivedInput(variable, formula, variable.preferred_unit)
+
+
+def _check_cycles(table: TableReader, entries: dict[str, Entry | None]) -> None:
+    """Note inputs that follow from themselves, with the way around; they are left out."""
+    derived = {name: each for name, each in entries.items() if isinstance(each, DerivedInput)}
+    for start in derived:
+        way = [start]
+        while (last := derived.get(way[-1])) and entries[way[-1]] is not None:
+            after = sorted(last.formula.names & derived.keys())
+            if not after:
+                break
+            way.append(next((each for each in after if each in way), after[0]))
+            if way[-1] in way[:-1]:
+                cycle = way[way.index(way[-1]) :]
+                found = f"{' from '.join(cycle)}: a cycle"
+                table.add_problem(
+                    cycle[0], found, "formulas of inputs that have values of their own"
+                )
+                entries |= dict.fromkeys(cycle)
+                break
 
 
 def _read_input(table: TableReader, variable: Input, stream: Stream) -> Entry | None:
@@ -400,7 +462,7 @@ def _form_here(value: object) -> str:
         lower, unit, upper, other = match.groups()
         return _between(float(lower), float(upper), other or unit)
     if _FORMULA.fullmatch(text):
-        return "a value or a distribution; what follows from other inputs belongs to the model"
+        return "a value or a distribution; what follows from other columns belongs to the file"
     return ""
 
 

@@ -14,7 +14,7 @@ from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.designs import DESIGNS
 from uqpen.designs.design import RUNS
 from uqpen.designs.repeated import RepeatedDesign, each_point_once
-from uqpen.distributions.joint_distribution import FixedInput
+from uqpen.distributions.joint_distribution import DerivedInput, FixedInput
 from uqpen.models.data.data_model import DataModel
 from uqpen.statistics.quantity_of_interest import Acceptable, QuantityOfInterest
 from uqpen.study import SECTIONS
@@ -38,10 +38,14 @@ def models_text(study: ValidatedStudy) -> str:
 def input_rows(study: ValidatedStudy) -> Rows:
     """Return the name of each input with its value or its distribution."""
     rows: Rows = []
+    nominal = study.joint.nominal()
     for entry in study.joint.inputs:
         unit = "" if entry.display_unit == DIMENSIONLESS else f" {entry.display_unit}"
         if isinstance(entry, FixedInput):
             text = f"{scale(entry.display_unit).from_si(entry.value):.10g}{unit}"
+        elif isinstance(entry, DerivedInput):
+            value = scale(entry.display_unit).from_si(nominal[entry.variable.name])
+            text = f"{entry.formula.text}, which is {value:.6g}{unit} at the medians of the others"
         else:
             text = entry.description
         rows.append((entry.variable.name, text))

@@ -16,7 +16,16 @@ from uqpen.archive.files import FILES, archived_files, extract_files
 from uqpen.archive.read import group_names, is_benchmark, model_trees, read_group
 from uqpen.core.dependency import file_sha256
 from uqpen.core.errors import ArchiveError, ModelError, SettingsError, StudyError, UqpenError
-from uqpen.core.labels import CURVE_MAY_END, DERIVED_FROM, ROLE, RUN, RUNS, SAMPLING, SURROGATES
+from uqpen.core.labels import (
+    CURVE_MAY_END,
+    DERIVED_FROM,
+    DERIVED_INPUT,
+    ROLE,
+    RUN,
+    RUNS,
+    SAMPLING,
+    SURROGATES,
+)
 from uqpen.core.model import Category, Dimension, Input, Output
 from uqpen.core.sampling import Sampling
 from uqpen.designs.design import UnloadedDesign
@@ -210,7 +219,7 @@ def _model(reference: str, runs: xr.Dataset, *, is_absent: bool) -> UnloadedMode
     outputs: list[Output] = []
     for name in map(str, runs.data_vars):
         variable = runs.variables[name]
-        if variable.attrs.get(ROLE) == "input":
+        if variable.attrs.get(ROLE) in ("input", DERIVED_INPUT):
             is_number = not variable.dims and variable.dtype.kind == "f"
             default = float(variable.values) if is_number else None
             inputs.append(Input(*_texts(name, variable), default=default))

@@ -24,6 +24,7 @@ from uqpen.core.labels import (
     BOUND,
     CONTENT,
     DEPENDENCIES,
+    DERIVED_INPUT,
     DIFFERENCES,
     MISSING,
     NOTE,
@@ -188,7 +189,7 @@ def _inputs_table(view: ArchiveView) -> OutputTable:
     )
     for key in runs.data_vars:
         name, values = str(key), runs.variables[key]
-        if values.attrs.get(ROLE) == "input":
+        if values.attrs.get(ROLE) in ("input", DERIVED_INPUT):
             shown = view.scale(name).from_si(np.asarray(values.values, dtype=np.float64))
             title = plain_text(str(values.attrs.get("long_name", name)))
             text = written.get(name, NOTHING)

@@ -114,7 +114,8 @@ class ConditionalDraws:
     def _inputs(self, points: FloatArray) -> dict[str, FloatArray]:
         fixed = {entry.variable.name: entry.value for entry in self.joint.fixed} | {**self.given}
         columns = {name: np.full(len(points), value) for name, value in fixed.items()}
-        return columns | {name: np.array(each) for name, each in self.joint.ppf(points).items()}
+        drawn = {name: np.array(each) for name, each in self.joint.ppf(points).items()}
+        return self.joint.with_derived(columns | drawn)
 
     def _is_inadmissible(self, inputs: dict[str, FloatArray]) -> BoolArray:
         found = np.zeros(len(next(iter(inputs.values()))), dtype=np.bool_)
