@@ -10,6 +10,7 @@ _PLAIN = {
     "number": 0.4,
     "list of quantities": (1.0, 2.0, 4.0),
     "list of numbers": (1.0, 2.0, 1.0),
+    "labels": ("M8", "M10", "M12"),
 }
 # What a family needs beyond its declarations: moments up to the tenth, say.
 _OWN = {"pareto": {"shape": 30.0}, "student": {"degrees": 30.0}, "binomial": {"trials": 12}}

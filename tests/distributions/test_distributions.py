@@ -168,7 +168,7 @@ def test_tails_keep_their_digits_as_far_as_doubles_go(name):
 
 
 def test_every_family_that_a_study_can_name_is_tested():
-    assert set(DISTRIBUTIONS) <= {*LAWS, *WHOLE, "rectangular", "bernoulli", "discrete"}
+    assert set(DISTRIBUTIONS) <= {*LAWS, *WHOLE, "rectangular", "bernoulli", "discrete", "choice"}
 
 
 @pytest.mark.parametrize("name", LAWS)

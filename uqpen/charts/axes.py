@@ -13,6 +13,7 @@ from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import SUPERSCRIPTS, grouped_number
+from uqpen.results.texts import plain_text
 
 # Longest tail beyond 99 % of all values that an axis includes, relative to their range.
 _LONG = 0.35
@@ -203,6 +204,10 @@ def quantity(view: ArchiveView, name: str) -> PlottedQuantity:
 
 def quantity_axis(view: ArchiveView, name: str, ends: tuple[float, float] | None = None) -> Axis:
     """Return the axis of an input or an output, under its label."""
+    if labels := view.code_labels(name):  # places without an order, and no numbers
+        ticks = tuple((float(place), plain_text(label, 30)) for place, label in enumerate(labels))
+        ends = -0.5, len(labels) - 0.5
+        return Axis(view.axis_label(name), ends, ticks=ticks, quantity=quantity(view, name))
     return Axis(view.axis_label(name), ends, quantity=quantity(view, name))
 
 

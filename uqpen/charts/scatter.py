@@ -132,9 +132,12 @@ class PlottedRuns:
         return f"{of}{self.design} in the charts: {', '.join(counts)}."
 
     def values(self, name: str, runs: xr.Dataset) -> FloatArray:
-        """Values of an input or a numeric output, in the unit that is shown."""
+        """Values of an input or a numeric output, in the unit that is shown.
+
+        Runs with one label lie beside each other.
+        """
         found: FloatArray = self.view.scale(name).from_si(runs[name].values)
-        return found
+        return found + _scattered(found.size) if self.view.code_labels(name) else found
 
     def heights(self, output: str) -> tuple[FloatArray, tuple[str, ...]]:
         """Return the places of the completed runs along an output, and the rows of its categories.
@@ -147,8 +150,13 @@ class PlottedRuns:
         codes = self.completed[output].values
         row_of = {code: row for row, code in enumerate(kinds)}
         rows = np.array([row_of.get(code, np.nan) for code in codes.tolist()])
-        golden = (np.arange(rows.size) * 0.6180339887498949) % 1
-        return rows + 0.5 * (golden - 0.5), tuple(kinds.values())
+        return rows + _scattered(rows.size), tuple(kinds.values())
+
+
+def _scattered(size: int) -> FloatArray:
+    """Return distances that keep points of one place apart, within a quarter of it."""
+    golden: FloatArray = (np.arange(size, dtype=np.float64) * 0.6180339887498949) % 1
+    return 0.5 * (golden - 0.5)
 
 
 def scatter_output_charts(cloud: PlottedRuns, output: str) -> Iterator[Charts]:

@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import reduce
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -104,6 +104,12 @@ class Input(Variable):
     default: float | None = None
     bounds: Bounds = field(default_factory=Bounds)
     labels: tuple[str, ...] = ()
+
+    def to_own(self, values: FloatArray, unit: str) -> Any:
+        """Return SI values as a model's code takes them: texts of labels, or numbers in a unit."""
+        if not self.labels:
+            return scale(unit).from_si(values)
+        return np.asarray(np.array(self.labels, dtype=object)[np.asarray(values).astype(int)])
 
     @property
     def unordered_labels(self) -> int:

@@ -95,6 +95,9 @@ class Design(ABC):
     )
     """The reason, for a message."""
 
+    unordered_reason: ClassVar[str] = ""
+    """Reason why its inputs cannot be labels, which have no order; empty if they can."""
+
     needs_numbers: ClassVar[bool] = False
     """True if its points follow numbers that every completed run must have."""
 

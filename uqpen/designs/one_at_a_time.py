@@ -107,6 +107,8 @@ class OneAtATime(Design):
         alone, whose error is of the order of the step and not of its square.
     """
 
+    unordered_reason = "no step leads from one label to another"
+
     sampling = Sampling.ONE_AT_A_TIME
 
     step: float = number(above=0, below=1, default=0.01)
@@ -188,6 +190,8 @@ class Morris(Design):
     ----------
     Morris, M. D. (1991). Technometrics 33, 161-174.
     """
+
+    unordered_reason = "no step leads from one label to another"
 
     sampling = Sampling.TRAJECTORIES
     assumes_independence = True

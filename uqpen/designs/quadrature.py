@@ -379,6 +379,8 @@ class Quadrature(Design):
     Petras, K. (2003). Numer. Math. 93, 729-753.
     """
 
+    unordered_reason = "labels have no moments, which its points have in common with the inputs"
+
     sampling = Sampling.QUADRATURE
     assumes_independence = True
     independence_reason = "its nodes are those of inputs that vary independently"
@@ -557,6 +559,8 @@ class FullFactorial(Design):
     levels : int
         Number of values of each random input.
     """
+
+    unordered_reason = "its levels are medians of equal shares, which labels do not have"
 
     sampling = Sampling.QUADRATURE
 

@@ -51,7 +51,10 @@ class RepeatedDesign(Design):
     repeats: int
 
     def __post_init__(self) -> None:
-        for name in ("assumes_independence", "independence_reason", "needs_numbers", "keep"):
+        for name in (
+            *("assumes_independence", "independence_reason", "unordered_reason"),
+            *("needs_numbers", "keep"),
+        ):
             object.__setattr__(self, name, getattr(self.once, name))
 
     @property

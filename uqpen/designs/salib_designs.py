@@ -107,6 +107,8 @@ class FiniteDifferences(SalibDesign):
         Step of an input's probability, relative to that probability.
     """
 
+    unordered_reason = "no step leads from one label to another"
+
     sampling = Sampling.FINITE_DIFFERENCES
     sampler = "finite_diff"
 
@@ -140,6 +142,8 @@ class FractionalFactorial(SalibDesign):
     low, high : float
         Probabilities below the two levels: no distribution has values at 0 or 1, which SALib takes.
     """
+
+    unordered_reason = "it has two levels of an input, low and high"
 
     sampling = Sampling.TWO_LEVELS
     sampler = "ff"

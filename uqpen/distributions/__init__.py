@@ -23,6 +23,7 @@ DISTRIBUTIONS = {
     "logistic": "uqpen.distributions.univariate:Logistic",
     "arcsine": "uqpen.distributions.univariate:Arcsine",
     "discrete": "uqpen.distributions.univariate:Discrete",
+    "choice": "uqpen.distributions.univariate:Choice",
     "integer": "uqpen.distributions.univariate:Integer",
     "poisson": "uqpen.distributions.univariate:Poisson",
     "binomial": "uqpen.distributions.univariate:Binomial",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -266,6 +267,17 @@ class JointDistribution:
         return {name: values[name] for name in columns}
 
 
+def label_attributes(variable: Input) -> dict[str, Any]:
+    """Return the attributes of an input whose values stand for texts, by the CF conventions."""
+    if not variable.labels:
+        return {}
+    words = (re.sub(r"\W+", "_", label) for label in variable.labels)
+    meanings = " ".join(f"{word}_{code}" for code, word in enumerate(words))
+    values = np.arange(len(variable.labels), dtype=np.float64)
+    labels = {CODE_LABELS: list(variable.labels)}
+    return {**labels, "flag_values": values, "flag_meanings": meanings}
+
+
 def points_dataset(
     joint: JointDistribution, values: Arrays, coordinates: Arrays, *, runs: int
 ) -> xr.Dataset:
@@ -288,7 +300,7 @@ def points_dataset(
             "units": variable.unit,
             "display_units": variable.preferred_unit,
             **fits.get(name, {}),
-            **({CODE_LABELS: list(variable.labels)} if variable.labels else {}),
+            **label_attributes(variable),
         }
         if name in derived and name in of_all and name not in values:
             attributes |= {ROLE: DERIVED_INPUT, DERIVED_FROM: derived[name]}

@@ -9,6 +9,7 @@ from abc import abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -24,6 +25,7 @@ from uqpen.core.settings import (
     numbers,
     quantity,
     quantity_list,
+    setting,
 )
 from uqpen.distributions.distribution import UPPER_TAIL, Distribution, order_problem
 
@@ -784,6 +786,56 @@ class Discrete(_SingleValues):
         order = order[weights[order] > 0]
         shares = weights[order] / weights.max()
         return values[order], shares / shares.sum()
+
+
+@dataclass(frozen=True)
+class Choice(_SingleValues):
+    """Choice among labels, such as kinds of bolts: texts without an order, a mean or a unit.
+
+    Inside, a label is its position among those of the model, whatever the order in the study.
+
+    Parameters
+    ----------
+    labels : sequence of str
+        At least two, each once.
+    weights : sequence of float, optional
+        Relative probabilities, which need not add up to 1; equal ones by default.
+    """
+
+    labels: tuple[str, ...] = setting(
+        "labels",
+        'labels in a list, such as ["M8", "M10"]',
+        lambda labels: isinstance(labels, tuple) and {*map(type, labels)} == {str},
+        lambda written, _: tuple(written) if isinstance(written, list) else written,
+    )
+    weights: tuple[float, ...] = numbers(minimum=0, default=())
+    order: tuple[str, ...] = ()  # all labels of the model, in its order
+
+    def __post_init__(self) -> None:
+        written: Any = self.labels
+        if isinstance(written, list):  # of a program
+            object.__setattr__(self, "labels", tuple(written))
+        super().__post_init__()
+
+    def check_settings(self) -> Iterator[Problem]:
+        if len(set(self.labels)) < max(len(self.labels), 2):
+            yield Problem(("labels",), f"{len(set(self.labels))} of them", "two or more, each once")
+        if self.weights and len(self.weights) != len(self.labels):
+            expected = f"one for each of the {len(self.labels)} labels"
+            yield Problem(("weights",), f"{len(self.weights)} weights", expected)
+        elif self.weights and sum(weight > 0 for weight in self.weights) < 2:
+            yield Problem(("weights",), "fewer than two above 0", "at least two above 0")
+
+    def atoms(self) -> tuple[FloatArray, FloatArray]:
+        places = [(self.order or self.labels).index(label) for label in self.labels]
+        weights = self.weights or (1.0,) * len(places)
+        return Discrete(tuple(map(float, places)), weights).atoms()
+
+    @property
+    def median(self) -> float:
+        """The likeliest label, in place of a median; the first of several."""
+        values, shares = self.atoms()
+        return float(values[shares.argmax()])
 
 
 # Standard deviations, and whole numbers beside them, on either side of the mean of counts, beyond

@@ -16,7 +16,6 @@ from uqpen.core.files import FileSnapshot
 from uqpen.core.labels import OUTCOME_OUTPUT
 from uqpen.core.limits import Limits
 from uqpen.core.model import Input, Output, Results, RunOutcome, joined_outcomes
-from uqpen.core.units import scale
 from uqpen.models.dependencies import Dependencies
 from uqpen.models.function_source import FunctionSource
 from uqpen.models.outcomes import DeclaredOutcome, with_outcome, without_gaps
@@ -60,9 +59,12 @@ class PythonFunction(UserModel):
     outcomes: tuple[DeclaredOutcome, ...] = ()  # exceptions that are results
 
     def evaluate(self, inputs: Arrays) -> Results:
+        known = {variable.name: variable for variable in self.inputs}
         arguments = {
             # A seed is a whole number, without a unit.
-            name: values if values.dtype.kind == "i" else scale(self.units[name]).from_si(values)
+            name: values
+            if values.dtype.kind == "i"
+            else known[name].to_own(values, self.units[name])
             for name, values in inputs.items()
         }
         runs = len(next(iter(inputs.values())))

@@ -13,7 +13,7 @@ import xarray as xr
 from uqpen.archive.read import group_names, model_trees, read_group
 from uqpen.core.arrays import FloatArray, rows_by_weight
 from uqpen.core.errors import UnknownNameError
-from uqpen.core.labels import ABSENT, ROLE, RUN, RUNS, SAMPLING, STATUS, WEIGHT
+from uqpen.core.labels import ABSENT, CODE_LABELS, ROLE, RUN, RUNS, SAMPLING, STATUS, WEIGHT
 from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.core.lookup import choices
 from uqpen.core.sampling import Sampling
@@ -335,6 +335,11 @@ class ArchiveView:
             for name, variable in self.statistics.runs.variables.items()
             if variable.attrs.get(ROLE) == "input"
         }
+
+    def code_labels(self, name: str) -> tuple[str, ...]:
+        """The texts that the values of an input stand for; empty of numbers."""
+        found = self.statistics.runs.variables.get(name)
+        return () if found is None else tuple(np.atleast_1d(found.attrs.get(CODE_LABELS, ())))
 
     def is_sample_design(self, source: str) -> bool:
         """Return whether a source is a design for no quantity of interest in particular."""

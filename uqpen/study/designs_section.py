@@ -225,5 +225,11 @@ def check_designs(table: TableReader, designs: dict[str, Design], joint: JointDi
             where = "[dependence]" if joint.dependence else "[joint]"
             found = f"{kind} with inputs that depend on each other ({where})"
             table.add_problem((name, "kind"), found, f"{design.independence_reason}; {_VALID}")
+        elif design.unordered_reason and (
+            named := [each.variable.name for each in joint.random if each.variable.labels]
+        ):
+            kind = toml_text(table.content[name]["kind"])
+            found = f"{kind} over {named[0]}, whose values are labels"
+            table.add_problem((name, "kind"), found, f"{design.unordered_reason}; {_VALID}")
         else:
             table.add_problems(design.check_inputs(joint), name)

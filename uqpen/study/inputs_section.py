@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -47,7 +47,7 @@ from uqpen.distributions.measurements import (
     value_text,
 )
 from uqpen.distributions.stated import STATED, Stated, from_stated, is_stated
-from uqpen.distributions.univariate import Mixture, Normal, Truncated
+from uqpen.distributions.univariate import Choice, Mixture, Normal, Truncated
 from uqpen.models.data.data_model import DataModel
 from uqpen.study.joint_section import Groups, Inputs
 from uqpen.study.table_reader import OBJECT, SETTINGS, TableReader, check_names, read_named_object
@@ -277,6 +277,9 @@ Entry = FixedInput | RandomInput | DerivedInput
 # The ends of a truncated distribution, and their names in its description.
 _FAMILIES = (*DISTRIBUTIONS, MIXTURE, MEASURED, *LIBRARIES)
 
+# Distributions of labels; `discrete` is that of the texts of a data file.
+_OF_LABELS = ("choice", "discrete")
+
 _LIMITS = {"lower": "at least", "upper": "at most"}
 
 
@@ -391,6 +394,13 @@ def _read_input(table: TableReader, variable: Input, stream: Stream) -> Entry | 
     if isinstance(value, dict):
         section = table.inside(value, variable.name)
         return _read_random_input(section, variable, stream)
+    return (_read_label if variable.labels else _read_number)(table, variable, value)
+
+
+def _read_number(
+    table: TableReader, variable: Input, value: Any
+) -> FixedInput | RandomInput | None:
+    """Read a fixed value, or a mean with a spread."""
     try:
         spread = parse_spread(value, variable.unit) if isinstance(value, str) else None
         if spread is None:
@@ -417,6 +427,15 @@ def _read_input(table: TableReader, variable: Input, stream: Stream) -> Entry | 
         table.add_problem(variable.name, found, expected)
     except SettingsError:
         table.add_wrong(variable.name, value, "a standard deviation above 0 behind the ±")
+    return None
+
+
+def _read_label(table: TableReader, variable: Input, value: object) -> FixedInput | None:
+    """Read a fixed input that is one of the labels of the model."""
+    if isinstance(value, str) and value in variable.labels:
+        return FixedInput(variable, float(variable.labels.index(value)), DIMENSIONLESS)
+    expected = f"a label of {variable.name}; {choices(str(value), variable.labels)}"
+    table.add_wrong(variable.name, value, expected)
     return None
 
 
@@ -485,6 +504,11 @@ def _read_random_input(table: TableReader, variable: Input, stream: Stream) -> R
     family = _family(table)
     section = table.table(family) if family and family != MIXTURE else None
     made: RandomInput | None
+    if variable.labels and family is not None and family not in _OF_LABELS:
+        labels = ", ".join(map(toml_text, variable.labels))
+        expected = f"{{ choice = {{ labels = [{labels}] }} }}: labels have no mean and no unit"
+        table.add_problem(family, "a distribution of numbers, of labels", expected)
+        return None
     if family == MIXTURE:
         made = _read_mixture(table, variable, stream)
     elif family is None or section is None or not section.is_given:
@@ -614,6 +638,26 @@ def _texts(values: list[object]) -> Iterator[str]:
             yield from _texts(value)
 
 
+def _read_choice(table: TableReader, variable: Input) -> Distribution | None:
+    """Read a choice among the labels of an input."""
+    if not variable.labels:
+        expected = (
+            f'its labels in the model: [model.labels] {variable.name} = ["M8", "M10"]; '
+            "values of a number, such as 8 mm, are discrete and no choice"
+        )
+        table.add_problem((), f"a choice of {variable.name}, which has no labels", expected)
+        return None
+    made = table.whole_settings(Choice)
+    if made is None:
+        return None
+    for position, label in enumerate(made.labels):
+        if label not in variable.labels:
+            expected = f"a label of {variable.name}; {choices(label, variable.labels)}"
+            table.add_wrong(("labels", position), label, expected)
+            return None
+    return replace(made, order=variable.labels)
+
+
 def _read_family(
     table: TableReader, variable: Input, family: type[Distribution]
 ) -> Distribution | None:
@@ -624,6 +668,8 @@ def _read_family(
         expected = "an input without a unit; a discrete distribution has values with one"
         table.add_problem((), found, expected)
         return None
+    if family is Choice:
+        return _read_choice(table, variable)
     if not is_stated(family, table.content):
         return table.whole_settings(family, like=variable.unit)
     stated = table.settings(Stated, like=variable.unit)

@@ -39,6 +39,7 @@ class DraftInput:
     name: str  # its name
     nominal: float | None = None  # its default, in `unit`
     unit: str = ""  # its unit; empty if nothing states it
+    labels: tuple[str, ...] = ()  # the texts that it is one of
 
 
 @dataclass(frozen=True)
@@ -65,8 +66,16 @@ class Draft:
         yield from (f"# {remark}" for remark in self.remarks)
         yield from self.model
         yield ""
-        yield line("[model.inputs]", "the units that the model takes")
+        labelled = [each for each in self.inputs if each.labels]
+        if labelled:
+            yield line("[model.labels]", "the texts that the model takes, in its own order")
+            yield from (f"{each.name} = {_list(each.labels)}" for each in labelled)
+            yield ""
+        if len(labelled) < len(self.inputs):
+            yield line("[model.inputs]", "the units that the model takes")
         for each in self.inputs:
+            if each.labels:
+                continue
             unit = toml_text(each.unit or DIMENSIONLESS)
             yield line(f"{each.name} = {unit}", "" if each.unit else f"{FILL_IN}: its unit")
         yield ""
@@ -85,6 +94,7 @@ class Draft:
         yield '# { uniform = { lower = "1 m", upper = "3 m" } }, { discrete = { values = [1, 2] } }'
         for each in self.inputs:
             known = "10 % around the default" if each.nominal is not None else "its value"
+            known = "how often each" if each.labels else known
             yield f"{each.name} = {_distribution(each)}  # {FILL_IN}: {known}"
         yield ""
 
@@ -115,6 +125,8 @@ def check_names(names: list[str], what: str) -> None:
 
 def _distribution(variable: DraftInput) -> str:
     """Return a uniform distribution around the nominal value of an input, or around 1."""
+    if variable.labels:
+        return f"{{ choice = {{ labels = {_list(variable.labels)} }} }}"
     nominal = 1.0 if variable.nominal is None else variable.nominal
     width = _SPREAD * (abs(nominal) or 1.0)
     ends = {"lower": nominal - width, "upper": nominal + width}
@@ -235,7 +247,9 @@ def _inputs(arguments: ast.arguments) -> tuple[list[DraftInput], list[str]]:
     left: list[str] = []
     for argument, default in pairs:
         nominal = None if default is None else _number(default)
-        if default is not None and (
+        if labels := _literal_labels(argument):
+            inputs.append(DraftInput(argument.arg, labels=labels))
+        elif default is not None and (
             nominal is None
             or (ast.unparse(argument.annotation) if argument.annotation else "") in ("int", "bool")
         ):
@@ -253,6 +267,19 @@ def _number(node: ast.expr) -> float | None:
     except (ValueError, TypeError, OverflowError, MemoryError, RecursionError):
         return None
     return float(value) if is_number else None
+
+
+def _literal_labels(argument: ast.arg) -> tuple[str, ...]:
+    """Return the texts of an annotation such as ``Literal["M8", "M10"]``; empty for another."""
+    match argument.annotation:
+        case ast.Subscript(
+            value=ast.Name(id="Literal") | ast.Attribute(attr="Literal"), slice=part
+        ):
+            parts = part.elts if isinstance(part, ast.Tuple) else [part]
+            texts = [each.value for each in parts if isinstance(each, ast.Constant)]
+            if len(texts) == len(parts) > 1 and all(isinstance(each, str) for each in texts):
+                return tuple(map(str, texts))
+    return ()
 
 
 def _unit(argument: ast.arg) -> str:

@@ -31,7 +31,7 @@ from uqpen.distributions.copulas import Dependence, EllipticalCopula
 from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.frozen import FrozenDistribution, as_frozen, declare, is_chaospy
 from uqpen.distributions.input_group import declare_joint, is_joint
-from uqpen.distributions.univariate import Mixture, Truncated
+from uqpen.distributions.univariate import Choice, Mixture, Truncated
 from uqpen.models import MODELS
 from uqpen.models.function_source import function_source
 from uqpen.models.source import BuiltInModel
@@ -82,6 +82,8 @@ class PythonModel:
         Exceptions that are results, such as ``{"unstable": UnstableError}``: a run that raises one
         is completed, with this category and without numbers. A text names a class of the
         function's module.
+    labels : mapping of str to sequence of str, optional
+        The labels of inputs that are texts, in the function's own order.
     """
 
     function: Callable[..., Mapping[str, Any]]
@@ -93,6 +95,7 @@ class PythonModel:
     replaced: Mapping[str, str | float] = field(default_factory=dict)
     dimensions: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     outcomes: Mapping[str, type[BaseException] | str] = field(default_factory=dict)
+    labels: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
     def table(self) -> dict[str, Any]:
         """Return its declaration as a table of a study file, with the function itself."""
@@ -103,6 +106,7 @@ class PythonModel:
             "memory_limit": self.memory_limit,
             "with": self.replaced or None,
             "dimensions": self.dimensions or None,
+            "labels": self.labels or None,
             "inputs": self.inputs,
             "outputs": self._output_tables(),
             "outcomes": self._outcome_tables() or None,
@@ -458,7 +462,13 @@ class StudyContent:
                 self.problems.append(Problem(("inputs", name), found, expected))
         inputs |= dict(_joint_units(given.get("joint")))
         outputs = {str(name): _model_output(value) for name, value in _model_outputs(given)}
-        return PythonModel(function, inputs, outputs)
+        chosen = {
+            str(name): value.labels
+            for name, value in _items(given.get("inputs"))
+            if isinstance(value, Choice)
+        }
+        inputs |= dict.fromkeys(chosen, DIMENSIONLESS)  # "8 mm" may be a label
+        return PythonModel(function, inputs, outputs, labels=chosen)
 
 
 def _as_builtin(value: Any) -> Any:

@@ -41,7 +41,9 @@ def input_rows(study: ValidatedStudy) -> Rows:
     nominal = study.joint.nominal()
     for entry in study.joint.inputs:
         unit = "" if entry.display_unit == DIMENSIONLESS else f" {entry.display_unit}"
-        if isinstance(entry, FixedInput):
+        if isinstance(entry, FixedInput) and entry.variable.labels:
+            text = entry.variable.labels[int(entry.value)]
+        elif isinstance(entry, FixedInput):
             text = f"{scale(entry.display_unit).from_si(entry.value):.10g}{unit}"
         elif isinstance(entry, DerivedInput):
             value = scale(entry.display_unit).from_si(nominal[entry.variable.name])

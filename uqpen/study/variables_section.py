@@ -66,6 +66,11 @@ def read_variables(table: TableReader, from_model: _ModelCoordinates | None = No
         [(name, si_unit(unit), unit) for name, unit in _variables(table, key, units)]
         for key in ("inputs", "outputs")
     )
+    labels = _read_labels(table, {name: unit for name, _, unit in inputs})
+    units |= dict.fromkeys(labels, DIMENSIONLESS)
+    inputs += [
+        (name, DIMENSIONLESS, "") for name in labels if name not in [each for each, *_ in inputs]
+    ]
     section, shared = table.table("outputs"), table.table(_DIMENSIONS)
     dimensions = _DimensionsReader(from_model)
     dimensions.shared |= {name: dimensions.read(shared, name) for name in shared}
@@ -84,7 +89,10 @@ def read_variables(table: TableReader, from_model: _ModelCoordinates | None = No
         if isinstance(section.content[output.name], dict)
     }
     return Variables(
-        tuple(Input(name, si, display_unit=unit) for name, si, unit in inputs),
+        tuple(
+            Input(name, si, display_unit=unit, labels=labels.get(name, ()))
+            for name, si, unit in inputs
+        ),
         tuple(fields),
         units,
         FieldSources(
@@ -94,10 +102,33 @@ def read_variables(table: TableReader, from_model: _ModelCoordinates | None = No
     )
 
 
+def _read_labels(table: TableReader, inputs: Mapping[str, str]) -> dict[str, tuple[str, ...]]:
+    """Read the labels of inputs that are texts, in the model's own order."""
+    found: dict[str, tuple[str, ...]] = {}
+    section = table.table("labels")
+    for name, written in section.content.items():
+        is_list = isinstance(written, list) and all(isinstance(each, str) for each in written)
+        if not is_variable_name(section, name):
+            continue
+        if (
+            not is_list
+            or len({*written}) < max(len(written), 2)
+            or not all(map(str.strip, written))
+        ):
+            section.add_wrong(name, written, 'two texts or more, each once: ["M8", "M10"]')
+        elif inputs.get(name, DIMENSIONLESS) not in (DIMENSIONLESS, ""):
+            found_unit = f"labels of an input in {inputs[name]}"
+            section.add_problem(name, found_unit, f"no unit of {name}: labels have none")
+        else:
+            found[name] = tuple(written)
+    return found
+
+
 def _variables(table: TableReader, key: str, units: dict[str, str]) -> Iterator[tuple[str, str]]:
     """Yield names and units of a model's inputs or outputs; add the known ones to `units`."""
     does = "takes" if key == "inputs" else "gives"
-    section = table.table(key, f'what the model {does}, as name = "unit"')
+    has_labels = key == "inputs" and bool(table.content.get("labels"))
+    section = table.table(key, "" if has_labels else f'what the model {does}, as name = "unit"')
     if section.is_given and not section.content:
         section.add_problem((), "an empty table", 'at least one name = "unit"')
     for name, written in section.content.items():

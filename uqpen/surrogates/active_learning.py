@@ -336,6 +336,8 @@ class ActiveLearning(RareEventDesign):
     (a surrogate corrected by importance sampling).
     """
 
+    unordered_reason = "no step leads from one label to another"
+
     needs_numbers = True
 
     learning: int | None = count(minimum=20, maximum=_MOST_LEARNING, default=None)

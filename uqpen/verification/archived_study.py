@@ -17,6 +17,7 @@ from uqpen.archive.read import group_names, is_benchmark, model_trees, read_grou
 from uqpen.core.dependency import file_sha256
 from uqpen.core.errors import ArchiveError, ModelError, SettingsError, StudyError, UqpenError
 from uqpen.core.labels import (
+    CODE_LABELS,
     CURVE_MAY_END,
     DERIVED_FROM,
     DERIVED_INPUT,
@@ -222,7 +223,8 @@ def _model(reference: str, runs: xr.Dataset, *, is_absent: bool) -> UnloadedMode
         if variable.attrs.get(ROLE) in ("input", DERIVED_INPUT):
             is_number = not variable.dims and variable.dtype.kind == "f"
             default = float(variable.values) if is_number else None
-            inputs.append(Input(*_texts(name, variable), default=default))
+            texts = tuple(map(str, np.atleast_1d(variable.attrs.get(CODE_LABELS, ()))))
+            inputs.append(Input(*_texts(name, variable), default=default, labels=texts))
         elif variable.attrs.get(ROLE) == "output" and DERIVED_FROM not in variable.attrs:
             flags = str(variable.attrs.get("flag_meanings", "")).split()
             labels = map(str, np.atleast_1d(variable.attrs.get("flag_labels", flags)))

@@ -301,6 +301,8 @@ class Form(RareEventDesign):
     Hohenbichler, M. & Rackwitz, R. (1988). Journal of Engineering Mechanics 114, 2195-2199.
     """
 
+    unordered_reason = "no step leads from one label to another"
+
     needs_numbers = True
 
     starts: int = count(default=5, maximum=1000)

@@ -26,7 +26,6 @@ from uqpen.core.limits import Limits
 from uqpen.core.model import Input, Model, Output, Results, RunOutcome, joined_outcomes
 from uqpen.core.settings import choice, validate
 from uqpen.core.status import STATUS_TEXT, Status
-from uqpen.core.units import scale
 from uqpen.models.command.output_readers import OutputReader, RunFiles, TextReader, UnreadableError
 from uqpen.models.command.process import STDERR, STDOUT, ProcessEnd, guard_folder, run_process
 from uqpen.models.command.program import (
@@ -56,14 +55,15 @@ def working_folder() -> Iterator[Path]:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def folder_name(inputs: Mapping[str, float]) -> str:
-    """Return the name of the folder of a run, a hash of the bits of its inputs.
+def folder_name(inputs: Mapping[str, float | str]) -> str:
+    """Return the name of the folder of a run, a hash of the bits of its inputs, and of texts.
 
     >>> one, same, other = (folder_name({"a": a}) for a in (1.0, 1.0, 1.0 + 1e-15))
     >>> one == same != other
     True
     """
-    text = "\n".join(f"{name} {value.hex()}" for name, value in sorted(inputs.items()))
+    bits = {name: each if isinstance(each, str) else each.hex() for name, each in inputs.items()}
+    text = "\n".join(f"{name} {each}" for name, each in sorted(bits.items()))
     return hashlib.sha256(text.encode()).hexdigest()[:_SHORT]
 
 
@@ -347,8 +347,11 @@ class Command(Model):
 
     def _own_units(self, inputs: Arrays) -> dict[str, Any]:
         """Convert SI values to the units that the program takes; a seed is a whole number."""
+        known = {variable.name: variable for variable in self.inputs}
         return {
-            name: values if values.dtype.kind == "i" else scale(self.units[name]).from_si(values)
+            name: values
+            if values.dtype.kind == "i"
+            else known[name].to_own(values, self.units[name])
             for name, values in inputs.items()
         }
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
 from typing import Any
 
@@ -194,8 +194,17 @@ def _inputs_table(view: ArchiveView) -> OutputTable:
             title = plain_text(str(values.attrs.get("long_name", name)))
             text = written.get(name, NOTHING)
             label = title_with_unit(name, view.unit(name))
-            table.rows.append((label, [title, *_spread(shown), text]))
+            texts = view.code_labels(name)
+            cells = _labels(values.values, texts) if texts else _spread(shown)
+            table.rows.append((label, [title, *cells, text]))
     return table
+
+
+def _labels(codes: FloatArray, texts: Sequence[str]) -> list[str]:
+    """The most frequent label, and each label with its share of the runs."""
+    shares = [float(np.mean(codes == place)) for place in range(len(texts))]
+    listed = (f"{text} {share:.3g}" for text, share in zip(texts, shares, strict=True) if share)
+    return [plain_text(texts[int(np.argmax(shares))]), plain_text(", ".join(listed), 120)]
 
 
 def _spread(values: FloatArray) -> list[str]:
