@@ -394,7 +394,7 @@ class TestMistakesInTheStudy:
             ("[1]", "analyses[0]", "1", 'a function such as "spread.py:interquartile_range"'),
             ('["own.py:other"]', "analyses[0]", 'has no function "other"', "a function that"),
             ('["other.py:f"]', "analyses[0]", 'no file "other.py" beside', "a function that"),
-            ('["no_such.module:f"]', "analyses[0]", "No module named", "a function that"),
+            ('["no_such.module:f"]', "analyses[0]", "No module named", "a module no_such"),
             ('["own.py"]', "analyses[0]", "is not of the form", "a function that"),
             ('["own.py:analysis", "own.py:few"]', "analyses[1]", "few(sample)", "a sample and a"),
             (
