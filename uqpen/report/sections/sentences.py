@@ -21,10 +21,12 @@ from uqpen.core.sampling import Sampling
 from uqpen.core.statistic import Statistic, UnitRule
 from uqpen.core.status import Status
 from uqpen.execution import run_count, status_counts
+from uqpen.models.outcomes import COMPLETED
 from uqpen.report.blocks import Finding, Fold, Heading
 from uqpen.results.acceptance import Acceptance, AcceptanceVerdict
 from uqpen.results.archive_view import ArchiveView, output_heading, output_title
 from uqpen.results.digits import (
+    count_text,
     estimate_texts,
     grouped_number,
     percent_text,
@@ -342,10 +344,18 @@ def output_sentences(view: ArchiveView, output: str, design: str) -> OutputSente
 
 
 def outcome_sentences(view: ArchiveView, design: str) -> Iterator[str]:
-    """Yield how often runs end with the outcomes that the study declares."""
-    if OUTCOME_OUTPUT in view.categorical_outputs:
-        entry = output_sentences(view, OUTCOME_OUTPUT, design)
-        yield from entry.sentences if entry else ()
+    """Yield how often runs end with each outcome that the study declares."""
+    if OUTCOME_OUTPUT not in view.categorical_outputs:
+        return
+    parts = [
+        f"{label} in {each.texts(array)[0]} of cases {each.interval(array)}"
+        for label, each, array in _category_statistics(view, OUTCOME_OUTPUT, design)
+        if each.entry != COMPLETED
+    ]
+    if parts:
+        more = len(parts) - _MOST_CATEGORIES
+        shown = [*parts[:_MOST_CATEGORIES], *[count_text(more, "more outcome")] * (more > 0)]
+        yield f"Outcome: {'; '.join(shown)}."
 
 
 def _further(quantity: QuotedStatistic, design: str) -> Finding:

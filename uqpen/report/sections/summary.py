@@ -10,7 +10,6 @@ import xarray as xr
 
 from uqpen.archive.read import is_benchmark
 from uqpen.charts.marks import has_interval
-from uqpen.core.labels import OUTCOME_OUTPUT
 from uqpen.report.blocks import Finding, Quote, Text
 from uqpen.report.sections.answer import answer, caveat_text, model_form_texts
 from uqpen.report.sections.benchmark import leaders
@@ -83,9 +82,8 @@ def _sample_lines(view: ArchiveView, design: str) -> Iterator[str]:
     else:
         yield from map(_finding_line, (*joint_findings(view, design), *rare_event_findings(view)))
     for each in views:
-        if OUTCOME_OUTPUT not in main:
-            head = f"{each.model}: " if each.model else ""
-            yield from (f"{head}{line}" for line in outcome_sentences(each, design))
+        head = f"{each.model}: " if each.model else ""
+        yield from (f"{head}{line}" for line in outcome_sentences(each, design))
     for output in main:
         yield from _driver_line(views[0], output)
     if caveat := caveat_text(view, main, design):
