@@ -230,3 +230,15 @@ def test_a_server_has_no_outcomes():
     text = f"seed = 1\n[model]\n{model}[model.outcomes]\nbad = {{ text = 'BAD' }}\n"
     with pytest.raises(uqpen.StudyError, match="whose errors do not say how a run ended"):
         uqpen.parse_study(text, trust=False)
+
+
+def test_several_models_have_the_same_outcomes():
+    models = {
+        name: uqpen.PythonModel(
+            bend_one, {"load": "kN"}, {"stress": "MPa"}, outcomes={own: UnstableError}
+        )
+        for name, own in {"first": "unstable", "second": "buckled"}.items()
+    }
+    with pytest.raises(uqpen.StudyError, match="outcomes of its own") as error:
+        uqpen.Study(models=models, inputs={"load": "9 kN"}, designs={}, seed=1)
+    assert error.value.problems[0].key == "models.second.outcomes"

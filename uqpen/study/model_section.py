@@ -19,7 +19,7 @@ import numpy as np
 
 from uqpen.core.arrays import Arrays, FloatArray, is_finite_number
 from uqpen.core.errors import ModelError, QuantityError, toml_text
-from uqpen.core.labels import NAME, RANDOM_SEED, RESERVED
+from uqpen.core.labels import NAME, OUTCOME_OUTPUT, RANDOM_SEED, RESERVED
 from uqpen.core.limits import Limits
 from uqpen.core.lookup import choices, resolve
 from uqpen.core.model import (
@@ -669,7 +669,10 @@ def _check_outputs(table: TableReader, first: Model, model: Model) -> None:
     known = {output.name: output for output in first.outputs}
     for output in model.outputs:
         same = known.get(output.name)
-        if same is None or not are_convertible(output.unit, same.unit):
+        if output.name == OUTCOME_OUTPUT and output.categories != (same and same.categories):
+            expected = "those of the first model in the same order, as an event names them for all"
+            table.add_problem("outcomes", "outcomes of its own", expected)
+        elif same is None or not are_convertible(output.unit, same.unit):
             found = f'an output "{output.name}" [{output.unit}]'
             expected = "only outputs of the first model, in units of the same dimension"
             table.add_problem((), found, expected)
