@@ -98,7 +98,7 @@ UNMET_PART = (
 )
 UNLED_OUTCOME = (
     "only a few independent draws ended as {outcome}, and no level leads there: intervals of such "
-    "an event covered in 80 to 90 %; importance sampling looks further"
+    "an event covered in 88 to 93 %; importance sampling looks further"
 )
 FEW_DRAWS_DECIDE = "weights: {size:.2g} effective draws decide a replicate"
 FEW_RUNS_IN_REPLICATES = (
