@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import uqpen
+from uqpen.core.errors import StudyError
 from uqpen.core.sampling import Sampling
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.repeats import noise_sentences, repeat_widths
@@ -220,6 +221,16 @@ def test_an_archive_has_them_where_points_have_several_runs(tmp_path):
     assert "of the variance of y: runs at the same inputs differ" in sentences[0]
     checks = uqpen.verify(tmp_path / "noise.nc", trust=True)
     assert not [each for each in checks if each.verdict is CheckOutcome.DIFFERENT]
+
+
+def test_a_second_run_of_a_model_without_noise_is_refused(tmp_path):
+    (tmp_path / "model.py").write_text(MODEL)
+    text = STUDY.replace('seed = "k"', "").replace("repeats = 2", "")
+    text = text.replace("[inputs]", "[inputs]\nk = 1")
+    with pytest.raises(StudyError) as raised:
+        uqpen.parse_study(text, folder=tmp_path, name="noise")
+    assert "designs.blocks.noise" in str(raised.value)
+    assert "noise = true or a seed in [model]" in str(raised.value)
 
 
 def test_more_repeats_buy_what_an_analysis_of_variance_says():

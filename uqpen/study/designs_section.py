@@ -176,6 +176,9 @@ def check_noise(
     for name, design in designs.items():
         if isinstance(design, RepeatedDesign):
             _check_repeats(table.table(name), models, is_noisy=bool(noisy))
+        if getattr(each_point_once(design), "noise", False) and not noisy:
+            expected = "noise = true or a seed in [model]: others give the same result again"
+            table.add_problem((name, "noise"), "a second run at the first point", expected)
         method = family_name(DESIGNS, design)
         start = getattr(design, "start", "")
         if noisy and (
