@@ -160,6 +160,14 @@ def test_mistakes_are_met(bolt, labels, expected, tmp_path):
     assert "study.toml:" in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    "text", ['[constraints]\nkeep = ["bolt > 0"]', '[constraints]\nkeep = ["load > 2 * bolt"]']
+)
+def test_no_formula_has_the_codes(text, tmp_path):
+    with pytest.raises(uqpen.StudyError, match="an input of the model; known: load"):
+        study(tmp_path, extra=text)
+
+
 def test_a_choice_of_an_input_with_numbers_is_told_of_both_ways(study_of):
     with pytest.raises(uqpen.StudyError) as caught:
         study_of("x", x=CHOICE)

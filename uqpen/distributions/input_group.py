@@ -17,6 +17,8 @@ import scipy
 from uqpen.core.arrays import FloatArray, rows_by_weight
 from uqpen.core.errors import ModelError
 from uqpen.core.files import FileSnapshot
+from uqpen.core.formulas import Formula
+from uqpen.core.settings import declared_settings
 from uqpen.core.units import scale
 from uqpen.distributions.constraints import evaluate_formula
 from uqpen.distributions.distribution import OPEN_INTERVAL, Distribution, UnloadedDistribution
@@ -337,3 +339,73 @@ class SampleDistribution(InputGroup):
 
     def nominal(self) -> tuple[float, ...]:
         return tuple(marginal.median for marginal in self.marginals)
+
+
+# Inputs whose parameters are formulas of others, in a chain of conditional distributions.
+
+
+@dataclass(frozen=True)
+class ConditionalPart:
+    """Family of an input, with parameters that are numbers or formulas of inputs before it."""
+
+    family: type[Distribution]
+    parameters: Mapping[str, Any]  # SI values, or a `Formula`
+    text: str  # as a study states it
+
+    def ppf(self, probability: FloatArray, known: Mapping[str, FloatArray]) -> FloatArray:
+        """Return quantiles, each of the distribution of its run; NaN where that is none."""
+        columns = {
+            key: np.broadcast_to(
+                value.values(known) if isinstance(value, Formula) else value, probability.shape
+            )
+            for key, value in self.parameters.items()
+        }
+        accepts = {field.name: each.accepts for field, each in declared_settings(self.family)}
+        found = np.full(probability.shape, np.nan)
+        for run, p in enumerate(probability):
+            values = {
+                key: column[run].item() if isinstance(column[run], np.generic) else column[run]
+                for key, column in columns.items()
+            }
+            # Without the checks of its class, which take longer than the quantile.
+            made = object.__new__(self.family)
+            vars(made).update(values)
+            if all(accepts[key](value) for key, value in values.items()) and not any(
+                made.check_settings()
+            ):
+                found[run] = made.ppf(np.array(p))
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class ConditionalGroup(InputGroup):
+    """Inputs with parameters that depend on others, behind these: a chain of quantiles.
+
+    The distribution of each is the one given those before it, by its own coordinate of the unit
+    cube. That is the inverse of Rosenblatt's transformation.
+    """
+
+    conditional_reason = "its inputs are drawn in one order, each given those before"
+
+    inputs: tuple[str, ...]  # each behind those that its parameters name
+    parts: tuple[Distribution | ConditionalPart, ...]  # one for each
+    fixed: Mapping[str, float]  # values of fixed inputs that parameters name, in SI units
+
+    @property
+    def description(self) -> str:
+        named = zip(self.inputs, self.parts, strict=True)
+        texts = (f"{name} {each.text}" for name, each in named if isinstance(each, ConditionalPart))
+        return f"conditional distribution ({'; '.join(texts)})"
+
+    def values(self, unit: FloatArray) -> FloatArray:
+        inside = np.clip(unit, *OPEN_INTERVAL)
+        known = {name: np.array(value) for name, value in self.fixed.items()}
+        columns = []
+        for name, part, column in zip(self.inputs, self.parts, inside.T, strict=True):
+            is_conditional = isinstance(part, ConditionalPart)
+            known[name] = part.ppf(column, known) if is_conditional else part.ppf(column)  # type: ignore[call-arg]
+            columns.append(known[name])
+        return np.column_stack(columns)
+
+    def nominal(self) -> tuple[float, ...]:
+        return tuple(self.values(np.full((1, len(self.inputs)), 0.5))[0].tolist())

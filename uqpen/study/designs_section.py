@@ -20,6 +20,7 @@ from uqpen.designs.repeated import (
     each_point_once,
     repeat_problem,
 )
+from uqpen.distributions.input_group import ConditionalGroup
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.execution import FailurePolicy
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
@@ -226,6 +227,8 @@ def check_designs(table: TableReader, designs: dict[str, Design], joint: JointDi
         elif design.assumes_independence and not joint.is_independent:
             kind = toml_text(table.content[name]["kind"])
             where = "[dependence]" if joint.dependence else "[joint]"
+            if any(isinstance(each, ConditionalGroup) for each in joint.groups):
+                where = "parameters of [inputs]"
             found = f"{kind} with inputs that depend on each other ({where})"
             table.add_problem((name, "kind"), found, f"{design.independence_reason}; {_VALID}")
         elif design.unordered_reason and (

@@ -15,7 +15,7 @@ import numpy as np
 from uqpen.core.arrays import FloatArray
 from uqpen.core.columns import Column
 from uqpen.core.errors import ConstraintError, QuantityError, SettingsError, TableError, toml_text
-from uqpen.core.formulas import names_in, parse_formula
+from uqpen.core.formulas import Formula, names_in, parse_formula
 from uqpen.core.lookup import choices, nearest, resolve
 from uqpen.core.model import Input, Model
 from uqpen.core.quantities import parse_quantity, parse_spread
@@ -30,6 +30,11 @@ from uqpen.distributions.frozen import (
     FrozenDistribution,
     frozen_distribution,
     frozen_families,
+)
+from uqpen.distributions.input_group import (
+    ConditionalGroup,
+    ConditionalPart,
+    ImplicitMarginal,
 )
 from uqpen.distributions.joint_distribution import (
     DerivedInput,
@@ -290,8 +295,14 @@ def read_inputs(table: TableReader, model: Model, stream: Stream, groups: Groups
     """
     known = {variable.name: variable for variable in model.inputs}
     entries: dict[str, Entry | None] = {}
+    conditional: dict[str, ConditionalPart] = {}
     for name in check_names(table, known, "input", model):
-        if _is_formula(table.content[name], known[name], model):
+        if family := _conditional_family(table.content[name], known[name], model):
+            section = table.inside(table.take(name), name)
+            if part := _read_conditional_part(section, known[name], family, known):
+                conditional[name] = part
+            entries[name] = None
+        elif _is_formula(table.content[name], known[name], model):
             entries[name] = _read_derived_input(table, known[name], known)
         else:
             entries[name] = _read_input(table, known[name], stream.child(name))
@@ -301,8 +312,10 @@ def read_inputs(table: TableReader, model: Model, stream: Stream, groups: Groups
     for variable in others:
         if table.is_given and variable.name not in table and variable.default is not None:
             entries[variable.name] = FixedInput(variable, variable.default, variable.preferred_unit)
+    chain = _conditional_group(table, conditional, known, entries, groups)
     found = (entries.get(variable.name) for variable in model.inputs)
-    joint = JointDistribution(tuple(filter(None, found)), model.inputs, groups=groups.groups)
+    all_groups = (*groups.groups, chain) if chain else groups.groups
+    joint = JointDistribution(tuple(filter(None, found)), model.inputs, groups=all_groups)
     unclear = groups.unclear | {name for name in table if entries.get(name) is None}
     if not table.is_given or not unclear <= known.keys():
         # What is absent may stand there under a name with a mistake.
@@ -322,7 +335,7 @@ def read_constraints(table: TableReader, model: Model, inputs: Inputs) -> tuple[
     units = dict.fromkeys(inputs.unclear, ANY_DIMENSION) | {
         variable.name: variable.unit
         for variable in model.inputs
-        if variable.name in given or variable.unit is ANY_DIMENSION
+        if not variable.labels and (variable.name in given or variable.unit is ANY_DIMENSION)
     }
     found = []
     for position, written in enumerate(table.entries("keep")):
@@ -335,6 +348,123 @@ def read_constraints(table: TableReader, model: Model, inputs: Inputs) -> tuple[
             table.add_problems(error.problems, "keep", position)
     table.check_unknown_keys()
     return tuple(found)
+
+
+def _conditional_family(value: object, variable: Input, model: Model) -> str:
+    """Return the family of an input with a formula among its parameters; empty for others."""
+    families = [key for key in value if key in DISTRIBUTIONS] if isinstance(value, dict) else []
+    parameters = value[families[0]] if isinstance(value, dict) and families else None
+    if not isinstance(parameters, dict) or variable.labels:
+        return ""
+    is_conditional = any(_is_formula(each, variable, model) for each in parameters.values())
+    return families[0] if is_conditional else ""
+
+
+def _read_conditional_part(
+    table: TableReader, variable: Input, name: str, known: Mapping[str, Input]
+) -> ConditionalPart | None:
+    """Read a distribution with parameters that are formulas of other inputs."""
+    family: type[Distribution] = resolve(DISTRIBUTIONS[name])
+    noted, section = len(table.problems), table.table(name)
+    for key in set(table) - {name}:
+        found = "a limit or a weight of a distribution whose parameters are formulas"
+        table.add_problem(key, found, "parameters alone")
+    units = _units_in_formulas(known, variable.name)
+    if variable.unit is ANY_DIMENSION or ANY_DIMENSION in units.values():
+        return None
+    formulas: dict[str, Formula | None] = {}
+    for field, declared in declared_settings(family):
+        written = section.content.get(field.name)
+        if not isinstance(written, str) or not (named := names_in(written)):
+            continue
+        if named.isdisjoint(units) and not _FORMULA.fullmatch(written.strip()):
+            continue
+        formulas[field.name] = None
+        like = variable.unit if declared.has_dimension else DIMENSIONLESS
+        if not declared.has_dimension and declared.kind != "number":
+            section.add_wrong(field.name, written, declared.expected)
+            continue
+        try:
+            formula = parse_formula(written, units, "an input of the model", "input")
+            if not are_convertible(formula.unit, like):
+                found = f"{toml_text(written)}, in {formula.unit}"
+                raise ConstraintError(found, describe(like))
+            formulas[field.name] = formula
+        except ConstraintError as error:
+            section.add_problems(error.problems, field.name)
+    rest = {key: each for key, each in section.content.items() if key not in formulas}
+    reader = table.inside(rest, name)
+    values = reader.setting_values(family, variable.unit, dict.fromkeys(formulas, 1.0))
+    reader.check_unknown_keys()
+    if values is None or len(table.problems) > noted:
+        return None
+    text = ", ".join(f"{key} {each}" for key, each in section.content.items())
+    return ConditionalPart(family, {**values, **formulas}, f"{name}: {text}")
+
+
+def _conditional_group(
+    table: TableReader,
+    parts: Mapping[str, ConditionalPart],
+    known: Mapping[str, Input],
+    entries: dict[str, Entry | None],
+    groups: Groups,
+) -> ConditionalGroup | None:
+    """Return the chain of the inputs whose parameters are formulas, and of those these name.
+
+    Their entries are added; those of inputs with a mistake are None.
+    """
+    noted = len(table.problems)
+    of_them = {name: each for part in parts.values() for name, each in _named_by(part, entries)}
+    for name, part in parts.items():
+        for source, entry in _named_by(part, entries):
+            if source in groups.owners or isinstance(entry, DerivedInput):
+                why = "follows from others" if isinstance(entry, DerivedInput) else "is in [joint]"
+                expected = "formulas of inputs with a value or a distribution of their own"
+                table.add_problem(name, f"a parameter of {source}, which {why}", expected)
+    is_clear = all(each is not None or name in parts for name, each in of_them.items())
+    if not parts or not is_clear or len(table.problems) > noted:
+        return None
+    chain: dict[str, Distribution | ConditionalPart] = {
+        name: each.distribution for name, each in of_them.items() if isinstance(each, RandomInput)
+    }
+    left = dict(parts)
+    while left:
+        ready = [
+            name
+            for name, part in left.items()
+            if left.keys().isdisjoint(source for source, _ in _named_by(part, entries))
+        ]
+        if not ready:
+            found = f"a cycle of {' and '.join(left)}"
+            table.add_problem(next(iter(left)), found, "parameters of inputs before them")
+            return None
+        chain |= {name: left.pop(name) for name in ready}
+    fixed = {name: each.value for name, each in of_them.items() if isinstance(each, FixedInput)}
+    group = ConditionalGroup(tuple(chain), tuple(chain.values()), fixed)
+    nominal = dict(zip(group.inputs, group.nominal(), strict=True))
+    for name, part in parts.items():
+        if np.isfinite(nominal[name]):
+            of_one = ImplicitMarginal(part.text, nominal[name])
+            entries[name] = RandomInput(known[name], of_one, known[name].preferred_unit, part.text)
+        else:
+            found = "parameters that make no distribution at the medians of the others"
+            table.add_problem(name, found, f"those of a {part.text.partition(':')[0]} distribution")
+    return group if len(table.problems) == noted else None
+
+
+def _units_in_formulas(known: Mapping[str, Input], of: str) -> dict[str, str]:
+    """Return the units of the inputs that a formula of another may name; labels are no numbers."""
+    others = (each for name, each in known.items() if name != of and not each.labels)
+    return {each.name: each.unit for each in others}
+
+
+def _named_by(
+    part: ConditionalPart, entries: Mapping[str, Entry | None]
+) -> Iterator[tuple[str, Entry | None]]:
+    """Yield the inputs that the parameters of another name, with their entries."""
+    formulas = (each for each in part.parameters.values() if isinstance(each, Formula))
+    for name in sorted({name for each in formulas for name in each.names}):
+        yield name, entries.get(name)
 
 
 def _is_formula(value: object, variable: Input, model: Model) -> bool:
@@ -354,7 +484,7 @@ def _read_derived_input(
 ) -> DerivedInput | None:
     """Read an input that follows from others, such as ``"0.1 * diameter"``."""
     written = table.take(variable.name)
-    units = {name: each.unit for name, each in known.items() if name != variable.name}
+    units = _units_in_formulas(known, variable.name)
     if variable.unit is ANY_DIMENSION or ANY_DIMENSION in units.values():
         return None
     try:

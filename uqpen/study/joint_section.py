@@ -24,6 +24,7 @@ from uqpen.distributions.copulas import MEASURES, EllipticalCopula, score_correl
 from uqpen.distributions.frozen import frozen_families
 from uqpen.distributions.input_group import (
     ChaospyJoint,
+    ConditionalGroup,
     ImplicitMarginal,
     InputGroup,
     SampleDistribution,
@@ -404,7 +405,10 @@ def read_dependence(
     measurements draws from `stream`.
     """
     joint = inputs.joint
-    if not table.is_given or _note_grouped(table, owners):
+    places = {name: f"[joint.{owner}]" for name, owner in owners.items()}
+    chains = (each for each in joint.groups if isinstance(each, ConditionalGroup))
+    places |= {name: "that of parameters in [inputs]" for each in chains for name in each.inputs}
+    if not table.is_given or _note_grouped(table, places):
         return joint
     if "measured" in table:
         return _measured_together(table, inputs, model, stream)
@@ -476,15 +480,15 @@ def _measured_together(
     return replace(joint, dependence=fit.copula, measured_dependence=measured)
 
 
-def _note_grouped(table: TableReader, owners: Mapping[str, str]) -> bool:
+def _note_grouped(table: TableReader, places: Mapping[str, str]) -> bool:
     """Note inputs whose joint distribution is given already; return True for any."""
     pairs = table.content.get("pairs")
     lists = [table.content, *(pairs if isinstance(pairs, list) else [])]
     named = [each.get("inputs") for each in lists if isinstance(each, dict)]
     joined = [name for names in named if isinstance(names, list) for name in names]
-    grouped = [name for name in joined if isinstance(name, str) and name in owners]
+    grouped = [name for name in joined if isinstance(name, str) and name in places]
     for name in dict.fromkeys(grouped):
-        found = f"{name}, whose joint distribution is [joint.{owners[name]}]"
+        found = f"{name}, whose joint distribution is {places[name]}"
         table.add_problem((), found, "inputs that [inputs] has")
     return bool(grouped)
 
