@@ -108,7 +108,7 @@ _HOMES: dict[str, Sequence[str]] = {
     "uqpen.surrogates.archived_surrogate": ("ExtrapolationWarning", "RefutationWarning"),
     **member_homes(DESIGNS, DISTRIBUTIONS, _MADE_OF_OTHERS, COPULAS, MODELS, SURROGATES),
 }
-_NAMES = sorted(name for names in _HOMES.values() for name in names)
+_NAMES = sorted({name for names in _HOMES.values() for name in names})
 
 if not TYPE_CHECKING:  # for which an alias makes a name public
     __all__ = _NAMES
