@@ -13,7 +13,6 @@ STUDY = """\
 seed = 1
 [model]
 command = ["./solver", "{{length}}"]
-noise = false
 keep = "{keep}"
 inputs = {{ length = "mm" }}
 outputs = {{ y = "mm" }}

@@ -16,6 +16,7 @@ from uqpen.checkpoints.folder import CheckpointFolder
 from uqpen.checkpoints.identity import compared_names
 from uqpen.checkpoints.journal import Journal, run_seconds, seconds_at_last_pace
 from uqpen.checkpoints.sources import (
+    BY_MACHINE,
     SET_ASIDE,
     ArchivePlace,
     Place,
@@ -30,7 +31,7 @@ from uqpen.core.arrays import Arrays, FloatArray, IntArray
 from uqpen.core.errors import CheckpointError
 from uqpen.core.labels import BATCH_HASH, FAILED_RUN, FAILURE_REASON, RUN, RUNS, STATUS
 from uqpen.core.model import Model
-from uqpen.core.status import BY_MACHINE, STATUS_TEXT, Status, mask_numbers
+from uqpen.core.status import STATUS_TEXT, Status, mask_numbers
 from uqpen.core.streams import Stream
 from uqpen.execution import (
     EvaluationOptions,
@@ -73,8 +74,10 @@ _SHARE = 0.01
 
 _MOST_NAMED = 4
 
-_NOISE = "its model gives other results for the same inputs"
-_REMEDY = "if it has noise of its own, say so by noise = true in [model], or give its runs a seed"
+_NOISE = (
+    "its model gives other results for the same inputs; if it has noise of its own, say so by "
+    "noise = true in [model], or give its runs a seed"
+)
 _UNSEEDED = "its model has noise of its own and no seed: each run is another one"
 _CHANGE = (
     "the model has changed in a way that its files do not show, or its results depend on the "
@@ -223,8 +226,7 @@ class Recheck:
     def _refuse(self, name: str, place: Place, refusal: str) -> None:
         """Say, or raise, why runs cannot be taken."""
         where = f"{place.name}: {name}" if name else place.name
-        remedies = [place.remedy, *([_REMEDY] if refusal.startswith(_NOISE) else [])]
-        text = "\n".join([f"{where}: its runs are not taken: {refusal}", *remedies])
+        text = f"{where}: its runs are not taken: {refusal}\n{place.remedy}"
         if place.are_needed:
             raise CheckpointError(text)
         self._journal.inform(text)

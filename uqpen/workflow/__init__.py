@@ -8,11 +8,8 @@ from functools import partial
 import xarray as xr
 
 from uqpen.archive.files import FILES, files_group
-from uqpen.archive.groups import model_trees
-from uqpen.core.arrays import Arrays
 from uqpen.core.errors import TooManyFailedError
-from uqpen.core.labels import MODELS, NOISE
-from uqpen.core.model import Results
+from uqpen.core.labels import MODELS
 from uqpen.core.streams import Stream
 from uqpen.execution import Map, Progress, first_repeats
 from uqpen.execution.checkpoint import Checkpoint
@@ -27,7 +24,6 @@ from uqpen.workflow.model_groups import (
     model_form_groups,
     model_groups,
 )
-from uqpen.workflow.noise_check import NoiseCheck, check_noise, trial_noise
 
 __all__ = ["Checkpoints", "Progress", "analyse_runs", "root_attributes", "run", "run_design"]
 
@@ -69,7 +65,6 @@ def run(
             study.failures,
             partial(_report_trial, progress, name),
             is_observed=is_user_defined(variant.model),
-            repeat=partial(_repeat_trial, study, progress, name),
         )
         for name, variant in study.models.items()
         if not isinstance(variant.model, BuiltInModel)
@@ -79,7 +74,6 @@ def run(
         progress.start_preparation(variant.model.name)
         variant.model.prepare()
     runs_by_model: dict[str, Runs] = {name: {} for name in study.models}
-    checks: dict[str, NoiseCheck] = {}
     for name, design in study.designs.items():
         progress.start_design(name, study.design_runs(name))
         stream = Stream(study.seed, "designs", name)
@@ -97,20 +91,9 @@ def run(
         except TooManyFailedError as error:
             raise type(error)(f"{name}: {error}") from None
         for model in study.models:
-            if name == next(iter(study.designs)):
-                check = check_noise(study, model, name, runs[model], map, progress)
-                checks |= {model: check} if check else {}
             runs_by_model[model][name] = runs[model]
-    for model, check in checks.items():
-        runs_by_model[model] = {key: check.mark(each) for key, each in runs_by_model[model].items()}
     progress.start_analysis()
-    tree = analyse_runs(study, runs_by_model, progress)
-    for model, check in checks.items():
-        node = model_trees(tree)[model]
-        node.attrs[NOISE] = check.text
-        if check.pairs is not None:
-            node[f"{NOISE}/{next(iter(study.designs))}"] = xr.DataTree(check.pairs)
-    return tree
+    return analyse_runs(study, runs_by_model, progress)
 
 
 def analyse_runs(
@@ -137,19 +120,6 @@ def analyse_runs(
     if files := files_group(study.files(), study.folder):
         groups[f"/{FILES}"] = files
     return xr.DataTree.from_dict(groups)
-
-
-def _repeat_trial(
-    study: ValidatedStudy, progress: Progress, name: str, inputs: Arrays, results: Results
-) -> None:
-    """Make the trial run of a model again, and say what that shows before others follow."""
-    noise = (
-        ""
-        if study.models[name].model.noise.is_unseeded
-        else trial_noise(study, name, inputs, results)
-    )
-    if noise:
-        _report_trial(progress, name, f"the trial run shows {noise}")
 
 
 def _report_trial(progress: Progress, model: str, text: str) -> None:
