@@ -302,7 +302,9 @@ ADDRESS = 'the address of a UM-Bridge server, such as "http://127.0.0.1:4242"'
 NAME = 'name = "sum"'
 MODEL = 'a model of this server; did you mean "sum"? known: sum, idle'
 VALUE = "a text, a number, true or false, or lists or tables of them"
-KEYS = "umbridge, name, time_limit, config, inputs, outputs, dimensions"
+KEYS = (
+    "noise, seed, umbridge, name, time_limit, config, inputs, outputs, labels, dimensions, outcomes"
+)
 LIMIT = "5  model.time_limit"
 
 

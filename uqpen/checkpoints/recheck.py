@@ -74,10 +74,8 @@ _SHARE = 0.01
 
 _MOST_NAMED = 4
 
-_NOISE = (
-    "its model gives other results for the same inputs; if it has noise of its own, say so by "
-    "noise = true in [model], or give its runs a seed"
-)
+_NOISE = "its model gives other results for the same inputs"
+_REMEDY = "if it has noise of its own, say so by noise = true in [model], or give its runs a seed"
 _UNSEEDED = "its model has noise of its own and no seed: each run is another one"
 _CHANGE = (
     "the model has changed in a way that its files do not show, or its results depend on the "
@@ -226,7 +224,8 @@ class Recheck:
     def _refuse(self, name: str, place: Place, refusal: str) -> None:
         """Say, or raise, why runs cannot be taken."""
         where = f"{place.name}: {name}" if name else place.name
-        text = f"{where}: its runs are not taken: {refusal}\n{place.remedy}"
+        remedies = [place.remedy, *([_REMEDY] if refusal.startswith(_NOISE) else [])]
+        text = "\n".join([f"{where}: its runs are not taken: {refusal}", *remedies])
         if place.are_needed:
             raise CheckpointError(text)
         self._journal.inform(text)
