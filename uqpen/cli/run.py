@@ -181,8 +181,7 @@ def _shown_values(
 
 def _parse_inputs(model: str, inputs: Sequence[Input], pairs: Iterable[str]) -> dict[str, float]:
     """Parse the command line's ``name=value`` pairs; values in SI units."""
-    from uqpen.core.errors import ModelError, QuantityError, toml_text
-    from uqpen.core.lookup import choices
+    from uqpen.core.errors import ModelError, QuantityError
     from uqpen.core.model import find_variable
     from uqpen.core.quantities import parse_quantity
 
@@ -193,13 +192,11 @@ def _parse_inputs(model: str, inputs: Sequence[Input], pairs: Iterable[str]) -> 
             raise ModelError(f'--set {text}: expected the form name="value unit"')
         variable = find_variable(inputs, name.strip(), "input", model)
         try:
-            if variable.labels:
-                if written not in variable.labels:
-                    expected = f"a label of {variable.name}; {choices(written, variable.labels)}"
-                    raise QuantityError(toml_text(written), expected)
-                values[variable.name] = float(variable.labels.index(written))
-                continue
-            values[variable.name] = parse_quantity(written, variable.unit).value
+            values[variable.name] = (
+                variable.label_code(written)
+                if variable.labels
+                else parse_quantity(written, variable.unit).value
+            )
         except QuantityError as error:
             raise ModelError(f"--set {variable.name}: {error}") from None
     return values

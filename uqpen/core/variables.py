@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+import re
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import reduce
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -13,8 +14,9 @@ import numpy as np
 
 from uqpen.core.arrays import Arrays, BoolArray, FloatArray
 from uqpen.core.catalogue import CATALOGUE, NAMES_IN_USE
-from uqpen.core.errors import Problem, SettingsError, toml_text
-from uqpen.core.labels import NAME
+from uqpen.core.errors import Problem, QuantityError, SettingsError, toml_text
+from uqpen.core.labels import CODE_LABELS, NAME
+from uqpen.core.lookup import choices
 from uqpen.core.units import DIMENSIONLESS, scale
 
 if TYPE_CHECKING:
@@ -111,6 +113,13 @@ class Input(Variable):
             return scale(unit).from_si(values)
         return np.asarray(np.array(self.labels, dtype=object)[np.asarray(values).astype(int)])
 
+    def label_code(self, label: object) -> float:
+        """Return the value that stands for one of its labels; QuantityError for another text."""
+        if label in self.labels:
+            return float(self.labels.index(str(label)))
+        expected = f"a label of {self.name}; {choices(str(label), self.labels)}"
+        raise QuantityError(toml_text(label), expected)
+
     @property
     def unordered_labels(self) -> int:
         """Number of its labels where their order matters to polynomials and distances, else 0.
@@ -118,6 +127,22 @@ class Input(Variable):
         Two labels are the same in either order, but for a sign.
         """
         return len(self.labels) if len(self.labels) > 2 else 0
+
+
+def label_attributes(variable: Input) -> dict[str, Any]:
+    """Return the attributes of an input whose values stand for texts, by the CF conventions."""
+    if not variable.labels:
+        return {}
+    words = (re.sub(r"\W+", "_", label) for label in variable.labels)
+    meanings = " ".join(f"{word}_{code}" for code, word in enumerate(words))
+    values = np.arange(len(variable.labels), dtype=np.float64)
+    labels = {CODE_LABELS: list(variable.labels)}
+    return {**labels, "flag_values": values, "flag_meanings": meanings}
+
+
+def code_labels(attributes: Mapping[Any, Any]) -> tuple[str, ...]:
+    """Return the texts that `label_attributes` has written; none of an input of numbers."""
+    return tuple(map(str, np.atleast_1d(attributes.get(CODE_LABELS, ()))))
 
 
 @dataclass(frozen=True)

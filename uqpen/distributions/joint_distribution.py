@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from graphlib import TopologicalSorter
 from itertools import combinations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -16,7 +16,6 @@ from uqpen.core.arrays import Arrays, FloatArray
 from uqpen.core.files import FileSnapshot
 from uqpen.core.formulas import Formula
 from uqpen.core.labels import (
-    CODE_LABELS,
     DEPENDENCE,
     DERIVED_FROM,
     DERIVED_INPUT,
@@ -24,6 +23,7 @@ from uqpen.core.labels import (
     RUN,
 )
 from uqpen.core.model import Input
+from uqpen.core.variables import label_attributes
 from uqpen.distributions.copulas import Dependence
 from uqpen.distributions.distribution import OPEN_INTERVAL, Distribution, UnloadedDistribution
 from uqpen.distributions.input_group import InputGroup
@@ -113,15 +113,10 @@ class JointDistribution:
     @cached_property
     def derived(self) -> tuple[DerivedInput, ...]:
         """The inputs that follow from others, each behind those that its formula names."""
-        left = {each.variable.name: each for each in self.inputs if isinstance(each, DerivedInput)}
-        found: list[DerivedInput] = []
-        while left:
-            ready = [each for each in left.values() if left.keys().isdisjoint(each.formula.names)]
-            assert ready, "a study with a cycle is refused"
-            found += ready
-            for each in ready:
-                del left[each.variable.name]
-        return tuple(found)
+        found = {each.variable.name: each for each in self.inputs if isinstance(each, DerivedInput)}
+        sources = {name: sorted(each.formula.names & found.keys()) for name, each in found.items()}
+        # A study with a cycle is refused.
+        return tuple(found[name] for name in TopologicalSorter(sources).static_order())
 
     def with_derived(self, values: Arrays) -> dict[str, FloatArray]:
         """Return values of inputs with those that follow from them and are not among them."""
@@ -265,17 +260,6 @@ class JointDistribution:
                 unit = np.column_stack([columns[each] for each in group.inputs])
                 values |= dict(zip(group.inputs, group.values(unit).T, strict=True))
         return {name: values[name] for name in columns}
-
-
-def label_attributes(variable: Input) -> dict[str, Any]:
-    """Return the attributes of an input whose values stand for texts, by the CF conventions."""
-    if not variable.labels:
-        return {}
-    words = (re.sub(r"\W+", "_", label) for label in variable.labels)
-    meanings = " ".join(f"{word}_{code}" for code, word in enumerate(words))
-    values = np.arange(len(variable.labels), dtype=np.float64)
-    labels = {CODE_LABELS: list(variable.labels)}
-    return {**labels, "flag_values": values, "flag_meanings": meanings}
 
 
 def points_dataset(

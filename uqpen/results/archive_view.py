@@ -13,13 +13,14 @@ import xarray as xr
 from uqpen.archive.read import group_names, model_trees, read_group
 from uqpen.core.arrays import FloatArray, rows_by_weight
 from uqpen.core.errors import UnknownNameError
-from uqpen.core.labels import ABSENT, CODE_LABELS, ROLE, RUN, RUNS, SAMPLING, STATUS, WEIGHT
+from uqpen.core.labels import ABSENT, ROLE, RUN, RUNS, SAMPLING, STATUS, WEIGHT
 from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.core.lookup import choices
 from uqpen.core.sampling import Sampling
 from uqpen.core.statistic import Statistic
 from uqpen.core.status import Status
 from uqpen.core.units import Scale, scale
+from uqpen.core.variables import code_labels
 from uqpen.execution import status_counts
 from uqpen.execution.omitted_runs import are_omitted
 from uqpen.results.digits import grouped_number, number_text, percent_text
@@ -339,7 +340,7 @@ class ArchiveView:
     def code_labels(self, name: str) -> tuple[str, ...]:
         """The texts that the values of an input stand for; empty of numbers."""
         found = self.statistics.runs.variables.get(name)
-        return () if found is None else tuple(np.atleast_1d(found.attrs.get(CODE_LABELS, ())))
+        return () if found is None else code_labels(found.attrs)
 
     def is_sample_design(self, source: str) -> bool:
         """Return whether a source is a design for no quantity of interest in particular."""

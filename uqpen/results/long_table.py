@@ -19,7 +19,6 @@ from uqpen.core.catalogue import DIMENSIONS, UNLISTED_DIMENSIONS
 from uqpen.core.labels import (
     BOUND,
     BOUNDS,
-    CODE_LABELS,
     DECISION,
     DERIVED_INPUT,
     DIFFERENCES,
@@ -40,6 +39,7 @@ from uqpen.core.labels import (
 )
 from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.core.units import DIMENSIONLESS, scale
+from uqpen.core.variables import code_labels
 from uqpen.execution.omitted_runs import are_omitted
 from uqpen.results.acceptance import StatedDecision
 from uqpen.results.source_statistics import SourceStatistics
@@ -337,8 +337,8 @@ def _variable_columns(
 ) -> Iterator[tuple[str, np.ndarray]]:
     """Yield the columns of an input or an output with their headings."""
     name = str(variable.name)
-    if CODE_LABELS in variable.attrs and not si:
-        words = np.array(np.atleast_1d(variable.attrs[CODE_LABELS]), dtype=object)
+    if (of_codes := code_labels(variable.attrs)) and not si:
+        words = np.array(of_codes, dtype=object)
         yield name, np.broadcast_to(words[np.asarray(variable.values).astype(int)], size)
         return
     if "flag_values" in variable.attrs:

@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -427,18 +428,17 @@ def _conditional_group(
     chain: dict[str, Distribution | ConditionalPart] = {
         name: each.distribution for name, each in of_them.items() if isinstance(each, RandomInput)
     }
-    left = dict(parts)
-    while left:
-        ready = [
-            name
-            for name, part in left.items()
-            if left.keys().isdisjoint(source for source, _ in _named_by(part, entries))
-        ]
-        if not ready:
-            found = f"a cycle of {' and '.join(left)}"
-            table.add_problem(next(iter(left)), found, "parameters of inputs before them")
-            return None
-        chain |= {name: left.pop(name) for name in ready}
+    sources = {
+        name: [each for each, _ in _named_by(part, entries) if each in parts]
+        for name, part in parts.items()
+    }
+    try:
+        chain |= {name: parts[name] for name in TopologicalSorter(sources).static_order()}
+    except CycleError as error:
+        cycle = sorted(set(error.args[1]))
+        found = f"a cycle of {' and '.join(cycle)}"
+        table.add_problem(cycle[0], found, "parameters of inputs before them")
+        return None
     fixed = {name: each.value for name, each in of_them.items() if isinstance(each, FixedInput)}
     group = ConditionalGroup(tuple(chain), tuple(chain.values()), fixed)
     nominal = dict(zip(group.inputs, group.nominal(), strict=True))
@@ -502,21 +502,19 @@ def _read_derived_input(
 def _check_cycles(table: TableReader, entries: dict[str, Entry | None]) -> None:
     """Note inputs that follow from themselves, with the way around; they are left out."""
     derived = {name: each for name, each in entries.items() if isinstance(each, DerivedInput)}
-    for start in derived:
-        way = [start]
-        while (last := derived.get(way[-1])) and entries[way[-1]] is not None:
-            after = sorted(last.formula.names & derived.keys())
-            if not after:
-                break
-            way.append(next((each for each in after if each in way), after[0]))
-            if way[-1] in way[:-1]:
-                cycle = way[way.index(way[-1]) :]
-                found = f"{' from '.join(cycle)}: a cycle"
-                table.add_problem(
-                    cycle[0], found, "formulas of inputs that have values of their own"
-                )
-                entries |= dict.fromkeys(cycle)
-                break
+    while True:
+        sources = {
+            name: sorted(each.formula.names & derived.keys()) for name, each in derived.items()
+        }
+        try:
+            TopologicalSorter(sources).prepare()
+            return
+        except CycleError as error:
+            cycle = error.args[1][::-1]  # each behind what follows from it
+        found = f"{' from '.join(cycle)}: a cycle"
+        table.add_problem(cycle[0], found, "formulas of inputs that have values of their own")
+        entries |= dict.fromkeys(cycle)
+        derived = {name: each for name, each in derived.items() if name not in cycle}
 
 
 def _read_input(table: TableReader, variable: Input, stream: Stream) -> Entry | None:
@@ -562,10 +560,10 @@ def _read_number(
 
 def _read_label(table: TableReader, variable: Input, value: object) -> FixedInput | None:
     """Read a fixed input that is one of the labels of the model."""
-    if isinstance(value, str) and value in variable.labels:
-        return FixedInput(variable, float(variable.labels.index(value)), DIMENSIONLESS)
-    expected = f"a label of {variable.name}; {choices(str(value), variable.labels)}"
-    table.add_wrong(variable.name, value, expected)
+    try:
+        return FixedInput(variable, variable.label_code(value), DIMENSIONLESS)
+    except QuantityError as error:
+        table.add_problems(error.problems, variable.name)
     return None
 
 

@@ -18,16 +18,15 @@ from uqpen.core.errors import (
     QuantityError,
     UnknownNameError,
     UqpenError,
-    toml_text,
 )
-from uqpen.core.labels import CODE_LABELS, INPUT, RUN, RUNS, STATUS
+from uqpen.core.labels import INPUT, RUN, RUNS, STATUS
 from uqpen.core.labels import SURROGATES as GROUP
 from uqpen.core.lookup import choices, installed_members, load_installed, resolve_name
 from uqpen.core.model import Input, Model, Output, find_variable
 from uqpen.core.quantities import parse_quantity
 from uqpen.core.status import Status
 from uqpen.core.units import are_convertible, describe, scale
-from uqpen.core.variables import field_coordinates
+from uqpen.core.variables import code_labels, field_coordinates
 from uqpen.surrogates import ENTRY_POINTS, SURROGATES
 from uqpen.surrogates.diagnostics import refuted_outputs
 from uqpen.surrogates.field_surrogate import FieldSurrogate, has_fields
@@ -77,19 +76,12 @@ def _numbers(given: Any, variable: Input) -> FloatArray:
     flat = [
         each
         if type(each) in (int, float)
-        else label_code(variable, each)
+        else variable.label_code(each)
         if variable.labels
         else parse_quantity(each, variable.unit).value
         for each in np.asarray(given, dtype=object).ravel().tolist()
     ]
     return np.array(flat, dtype=np.float64).reshape(values.shape)
-
-
-def label_code(variable: Input, label: object) -> float:
-    """Return the code of a text that an input with labels may have; QuantityError for another."""
-    if label in variable.labels:
-        return float(variable.labels.index(str(label)))
-    raise QuantityError(toml_text(label), f"one of {', '.join(variable.labels)}")
 
 
 def broadcast_inputs(given: Mapping[str, xr.DataArray]) -> dict[str, xr.DataArray]:
@@ -374,7 +366,10 @@ def archived_surrogate(
     completed = runs[STATUS].values == Status.OK
     return ArchivedSurrogate(
         fitted,
-        tuple(Input(each, *_texts(runs[each]), labels=_labels(runs[each])) for each in inputs),
+        tuple(
+            Input(each, *_texts(runs[each]), labels=code_labels(runs[each].attrs))
+            for each in inputs
+        ),
         (
             *(
                 Output(output.name, *_texts(runs[output.name]), dims=output.dims)
@@ -402,11 +397,6 @@ def _texts(variable: xr.DataArray) -> tuple[str, str, str]:
     unit = str(variable.attrs["units"])
     shown = (str(variable.attrs.get(key, "")) for key in ("long_name", "display_units"))
     return unit, *shown  # type: ignore[return-value]
-
-
-def _labels(variable: xr.DataArray) -> tuple[str, ...]:
-    """Return the texts that the values of an input stand for; empty for a number."""
-    return tuple(map(str, np.atleast_1d(variable.attrs.get(CODE_LABELS, ()))))
 
 
 def _range(variable: xr.DataArray, completed: np.ndarray) -> tuple[float, float]:

@@ -17,7 +17,6 @@ from uqpen.archive.read import group_names, is_benchmark, model_trees, read_grou
 from uqpen.core.dependency import file_sha256
 from uqpen.core.errors import ArchiveError, ModelError, SettingsError, StudyError, UqpenError
 from uqpen.core.labels import (
-    CODE_LABELS,
     CURVE_MAY_END,
     DERIVED_FROM,
     DERIVED_INPUT,
@@ -29,6 +28,7 @@ from uqpen.core.labels import (
 )
 from uqpen.core.model import Category, Dimension, Input, Output
 from uqpen.core.sampling import Sampling
+from uqpen.core.variables import code_labels
 from uqpen.designs.design import UnloadedDesign
 from uqpen.models.unloaded_model import UnloadedModel
 from uqpen.study.data_section import DATA
@@ -223,8 +223,8 @@ def _model(reference: str, runs: xr.Dataset, *, is_absent: bool) -> UnloadedMode
         if variable.attrs.get(ROLE) in ("input", DERIVED_INPUT):
             is_number = not variable.dims and variable.dtype.kind == "f"
             default = float(variable.values) if is_number else None
-            texts = tuple(map(str, np.atleast_1d(variable.attrs.get(CODE_LABELS, ()))))
-            inputs.append(Input(*_texts(name, variable), default=default, labels=texts))
+            codes = code_labels(variable.attrs)
+            inputs.append(Input(*_texts(name, variable), default=default, labels=codes))
         elif variable.attrs.get(ROLE) == "output" and DERIVED_FROM not in variable.attrs:
             flags = str(variable.attrs.get("flag_meanings", "")).split()
             labels = map(str, np.atleast_1d(variable.attrs.get("flag_labels", flags)))
