@@ -250,3 +250,9 @@ def test_a_program_gets_the_text_in_its_file_and_its_arguments(tmp_path):
     assert runs["size"].values.tolist() == [
         3.0 if code == 0 else 7.0 for code in runs["bolt"].values
     ]
+
+
+def test_labels_are_joined_by_no_copula(tmp_path):
+    extra = '[dependence]\ncopula = "clayton"\ninputs = ["bolt", "load"]\ntheta = 2'
+    with pytest.raises(uqpen.StudyError, match="labels have no order that a copula could join"):
+        study(tmp_path, extra=extra)

@@ -450,7 +450,7 @@ def _measured_together(
     table.check_unknown_keys()
     if not written or len(table.problems) > noted or inputs.unclear:
         return joint
-    random = [entry.variable.name for entry in joint.random]
+    random = [entry.variable.name for entry in joint.random if not entry.variable.labels]
     try:
         read = read_columns(table.folder / written, blanks=True)
         own = tuple(each for each in read.columns if each.name in (names or random))
@@ -502,6 +502,7 @@ def _joined_inputs(table: TableReader, inputs: Inputs) -> dict[str, Any]:
 def _input_names(table: TableReader, inputs: Inputs) -> list[Any]:
     """Read names of inputs; note those that do not name a random input."""
     random = _possibly_random(inputs)
+    labelled = {entry.variable.name for entry in inputs.joint.random if entry.variable.labels}
     fixed = [entry.variable.name for entry in inputs.joint.fixed]
     names = table.entries("inputs")
     for position, name in enumerate(names):
@@ -509,6 +510,9 @@ def _input_names(table: TableReader, inputs: Inputs) -> list[Any]:
             found = f"{toml_text(name)}{', an input that is fixed' * (name in fixed)}"
             expected = f"a random input; {choices(str(name), random)}"
             table.add_problem(("inputs", position), found, expected)
+        elif name in labelled:
+            expected = "an input of numbers: labels have no order that a copula could join"
+            table.add_problem(("inputs", position), f"{name}, whose values are labels", expected)
     return names
 
 
