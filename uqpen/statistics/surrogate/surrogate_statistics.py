@@ -7,7 +7,7 @@ admissible draws.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
@@ -193,25 +193,38 @@ def _sampled_shares(
     pairs: PickFreezePairs, scores: Sequence[str], components: FloatArray
 ) -> dict[str, FloatArray]:
     """Estimate the same from pairs of draws of the scores."""
-    second = pairs.columns(scores)
-    first, unrelated = second.pop(-1), second.pop(0)
-    centred = first - first.mean(axis=0)
+    drawn = pairs.columns(scores)
+    size = len(drawn[-1])
 
     def forms(one: FloatArray, other: FloatArray) -> FloatArray:
         """Return the quadratic form at each place, and at the end its mean over the field."""
-        matrix = one.T @ other / len(first)
+        matrix = one.T @ other / size
         return np.append(((matrix @ components) * components).sum(axis=0), np.trace(matrix))
 
-    variance = forms(centred, centred)
-    explained = {0: np.zeros(len(variance)), (1 << pairs.dimension) - 1: np.ones(len(variance))}
+    variance, explained = _explained_shares(drawn, forms)
+    return _by_name(pairs.dimension, len(variance), explained)
+
+
+def _explained_shares(
+    drawn: dict[int, FloatArray], forms: Callable[[FloatArray, FloatArray], FloatArray]
+) -> tuple[FloatArray, dict[int, FloatArray]]:
+    """Return variances, and the shares of them that sets of inputs explain.
+
+    `drawn` has the values of pairs of draws by the set that they share, of the first ones by -1.
+    `forms` are means of products over the pairs.
+    """
+    first, unrelated = drawn[-1], drawn[0]
+    centred = first - first.mean(axis=0)
+    variance, explained = forms(centred, centred), {}
     with np.errstate(invalid="ignore", divide="ignore"):
-        for subset, values in second.items():
+        for subset in drawn.keys() - {-1, 0}:
+            values = drawn[subset]
             # As for a scalar output: the one errs little where little is explained, the other
             # where little is left.
             share = forms(centred, values - unrelated) / variance
             rest = forms(first - values, first - values) / 2 / variance
             explained[subset] = np.where(share < rest, share, 1 - rest)
-    return _by_name(VarianceShares(pairs.dimension, explained), len(variance))
+    return variance, explained
 
 
 def _scaled_shares(pairs: PickFreezePairs, fit: FieldFit) -> dict[str, FloatArray]:
@@ -224,33 +237,32 @@ def _scaled_shares(pairs: PickFreezePairs, fit: FieldFit) -> dict[str, FloatArra
     evaluations = len(parts.places) * (len(pairs.second) + 1)
     most = int(np.clip(_MOST_CURVE_VALUES // evaluations // 16, _FEWEST_CURVES, _MOST_CURVES))
     drawn = pairs.columns(fit.names, 1 << most.bit_length() - 1)
-    sums: list[dict[int, float]] = []
+    variances, shares = [], []
     for position in range(len(parts.places)):
         place = slice(position, position + 1)
-        second = {key: parts.curves_at(each, place)[:, 0] for key, each in drawn.items()}
-        if not all(np.isfinite(each).all() for each in second.values()):
+        values = {key: parts.curves_at(each, place) for key, each in drawn.items()}
+        if not all(np.isfinite(each).all() for each in values.values()):
             break
-        first, unrelated = second.pop(-1), second.pop(0)
-        centred = first - first.mean()
-        own = {-1: float((centred**2).mean())}
-        for subset, values in second.items():
-            share = float((centred * (values - unrelated)).mean())
-            rest = float(((first - values) ** 2).mean()) / 2
-            own[subset] = share if share < rest else own[-1] - rest
-        sums.append(own)
-    weights = parts.place_weights[: len(sums)]
-    table = {key: np.array([own[key] for own in sums]) for key in sums[0]}
-    table = {key: np.append(each, weights @ each) for key, each in table.items()}
-    variance = table.pop(-1)
+        at_place, own = _explained_shares(values, lambda a, b: (a * b).mean(axis=0))
+        variances.append(at_place.item())
+        shares.append({key: each.item() for key, each in own.items()})
+    variance, weights = np.array(variances), parts.place_weights[: len(variances)]
+    at_places = {key: np.array([each[key] for each in shares]) for key in drawn.keys() - {-1, 0}}
     with np.errstate(invalid="ignore", divide="ignore"):
-        explained = {key: each / variance for key, each in table.items()}
-    explained[0] = np.zeros(len(variance))
-    explained[(1 << pairs.dimension) - 1] = np.ones(len(variance))
-    return _by_name(VarianceShares(pairs.dimension, explained), len(variance))
+        whole = {
+            key: weights @ np.where(variance > 0, each * variance, 0.0) / (weights @ variance)
+            for key, each in at_places.items()
+        }
+    explained = {key: np.append(each, whole[key]) for key, each in at_places.items()}
+    return _by_name(pairs.dimension, len(variance) + 1, explained)
 
 
-def _by_name(shares: VarianceShares, count: int) -> dict[str, FloatArray]:
+def _by_name(
+    dimension: int, count: int, explained: Mapping[int, FloatArray]
+) -> dict[str, FloatArray]:
     """Return shares at places, and at the end of the whole field, by the names of the indices."""
+    none, all_inputs = np.zeros(count), np.ones(count)
+    shares = VarianceShares(dimension, {0: none, (1 << dimension) - 1: all_inputs, **explained})
     shapley = shares.shapley
     return {
         "first_order": shares.first_order[:-1],
