@@ -92,8 +92,7 @@ def model_groups(
     sources: dict[str, _Source] = {}
     for design, every in whole[model].items():
         steps.start(f"statistics of {design}", model)
-        attributes, outputs = _design_source(study, model, design, every, runs)
-        sources[design] = {**attributes, **_spent(study, design, every)}, outputs
+        sources[design] = _design_source(study, model, design, whole, runs)
         yield from _design_groups(study, design, every, own[design])
     for name in study.surrogates:
         from uqpen.workflow.surrogate_source import surrogate_source
@@ -133,29 +132,31 @@ def _design_source(
     study: ValidatedStudy,
     model: str,
     design: str,
-    whole: xr.Dataset,
+    whole: Mapping[str, Runs],
     runs: Mapping[str, Runs],
 ) -> _Source:
     """Return the statistics of a model from the runs of a design.
 
-    `whole` are all of its runs, `runs` the first at each point of all models and designs.
+    `whole` are all runs of all models and designs, `runs` the first at each point.
     Those of the first model are from the runs of its stand-ins, too, if it has any.
     """
-    own, costs = runs[model][design], study.family_costs
+    own, every, costs = runs[model][design], whole[model][design], study.family_costs
+    made = study.designs[design]
     has_stand_ins = len(costs) > 1 and model == next(iter(costs))
     attributes: dict[str, str | int | float] = {
         SOURCE_KIND: "design",
-        RUNS_SPENT: own.sizes[RUN],
+        RUNS_SPENT: every.sizes[RUN],
+        **({REPEATS: made.repeats} if isinstance(made, RepeatedDesign) else {}),
         **decision_attributes(own),
     }
     # The cost of all models is known where they stand for the first.
     if has_stand_ins and len(costs) == len(study.models):
-        spent = sum(cost * runs[name][design].sizes[RUN] for name, cost in costs.items())
+        spent = sum(cost * whole[name][design].sizes[RUN] for name, cost in costs.items())
         attributes[COST_SPENT] = float(spent)
     quantities = study.model_quantities(study.models[model].model)
     only = all_analyses_but(study.left_out)
     found = analyze(own, quantities, only=only, user_defined=study.analyses)
-    for name, of_all in analyze_repeats(whole, quantities, only=only).items():
+    for name, of_all in analyze_repeats(every, quantities, only=only).items():
         found[name] = in_catalogue_order(found[name] | of_all)
     if has_stand_ins:
         from uqpen.statistics.control_variates import control_variate_statistics
@@ -182,13 +183,6 @@ def _design_groups(
     for name, group in DESIGN_GROUPS.items():
         if statistics := resolve(group.writer)(study, runs):
             yield f"/{name}/{design}", pack(statistics)
-
-
-def _spent(study: ValidatedStudy, design: str, whole: xr.Dataset) -> dict[str, str | int | float]:
-    """Return the number of all runs of a design, and of those at each point if it has several."""
-    made = study.designs[design]
-    repeats = {REPEATS: made.repeats} if isinstance(made, RepeatedDesign) else {}
-    return {RUNS_SPENT: whole.sizes[RUN], **repeats}
 
 
 def failure_statistics(study: ValidatedStudy, runs: xr.Dataset) -> OutputStatistics:
