@@ -142,39 +142,13 @@ def _noise_texts(tree: xr.DataTree, most: float) -> Iterator[Any]:
     from uqpen.archive.read import model_trees
     from uqpen.cli.console import plain_table
     from uqpen.results.archive_view import ArchiveView
-    from uqpen.results.digits import grouped_number, number_text
-    from uqpen.results.repeats import best_repeats, noise_sentences, repeat_widths
+    from uqpen.results.repeats import noise_plans
 
     for model in model_trees(tree):
-        view = ArchiveView(tree, model)
-        for output in view.numeric_outputs:
-            shares = view.estimates(output, "noise_share")
-            share = next((float(each.values[0]) for each in shares.values()), math.nan)
-            if not math.isfinite(share):
-                continue
-            yield next(noise_sentences(view, output), f"{output}: the noise share has no interval.")
-            runs = math.ceil(most) or 1000
-            table = []
-            for repeats in sorted({1, 2, 3, 5, best_repeats(share)}):
-                found = repeat_widths(share, runs, repeats)
-                table.append(
-                    (
-                        str(repeats),
-                        grouped_number(found.points),
-                        *(
-                            f"± {number_text(2 * each, 2)}" if math.isfinite(each) else "unknown"
-                            for each in (found.mean, found.noise_share, found.of_mean)
-                        ),
-                    )
-                )
-            head = ["runs at a point", "points", "mean / sd", "noise share"]
-            yield plain_table([*head, "sd of the mean given the inputs, relative"], table)
-            of_mean, of_share = 2 if share <= 0.5 else 3, best_repeats(share)
-            yield (
-                f"With {grouped_number(runs)} runs in all. Means, quantiles and indices of the "
-                "whole output are known best with one run at each point, indices of the mean given "
-                f"the inputs with {of_mean}, the noise share with {of_share}.\n"
-            )
+        for plan in noise_plans(ArchiveView(tree, model), math.ceil(most)):
+            yield plan.sentence
+            yield plain_table(plan.head, plan.rows)
+            yield f"{plan.advice}\n"
 
 
 def _disk_text(runs: float, without_runs: float, free: float, *, keeps_runs: bool) -> str:

@@ -12,7 +12,13 @@ from uqpen.archive.read import read_group
 from uqpen.core.labels import REPEATS, RUNS_SPENT, STATISTICS_GROUP
 from uqpen.core.units import scale
 from uqpen.results.archive_view import ArchiveView, output_title
-from uqpen.results.digits import estimate_text, percent_text, percent_texts
+from uqpen.results.digits import (
+    estimate_text,
+    grouped_number,
+    number_text,
+    percent_text,
+    percent_texts,
+)
 from uqpen.results.table import first_runs, shown_unit
 from uqpen.results.texts import unit_suffix
 
@@ -54,6 +60,50 @@ def repeat_widths(noise_share: float, runs: int, repeats: int) -> RepeatWidths:
         within = (noise_share / repeats) ** 2 / (repeats - 1)
         of_mean = math.sqrt(2 * (between**2 + within) / points) / (2 * mean) if mean > 0 else share
     return RepeatWidths(repeats, points, math.sqrt(between / max(points, 1)), share, of_mean)
+
+
+class NoisePlan(NamedTuple):
+    """Widths of intervals by the number of runs at each point, for an output with noise."""
+
+    sentence: str
+    head: tuple[str, ...]
+    rows: list[tuple[str, ...]]
+    advice: str
+
+
+# Numbers of runs for which widths are shown where no target says how many are needed.
+_RUNS = 1000
+
+
+def noise_plans(view: ArchiveView, runs: int) -> Iterator[NoisePlan]:
+    """Yield for each output with a noise share what a number of runs says by several repeats."""
+    runs = runs or _RUNS
+    for output in view.numeric_outputs:
+        shares = view.estimates(output, "noise_share")
+        share = next((float(each.values[0]) for each in shares.values()), math.nan)
+        if not math.isfinite(share):
+            continue
+        best = best_repeats(share)
+        rows = []
+        for repeats in sorted({1, 2, 3, 5, best}):
+            found = repeat_widths(share, runs, repeats)
+            # Two standard errors are about the half-width of an interval of 95 %.
+            halves = [2 * each for each in (found.mean, found.noise_share, found.of_mean)]
+            cells = (
+                f"± {number_text(each, 2)}" if math.isfinite(each) else "unknown" for each in halves
+            )
+            rows.append((str(repeats), grouped_number(found.points), *cells))
+        yield NoisePlan(
+            next(noise_sentences(view, output), f"{output}: the noise share has no interval."),
+            (
+                *("runs at a point", "points", "mean / sd", "noise share"),
+                "sd of the mean given the inputs, relative",
+            ),
+            rows,
+            f"With {grouped_number(runs)} runs in all. Means, quantiles and indices of the whole "
+            "output are known best with one run at each point, indices of the mean given the "
+            f"inputs with {2 if share <= 0.5 else 3}, the noise share with {best}.",
+        )
 
 
 def noise_sentences(view: ArchiveView, output: str) -> Iterator[str]:
