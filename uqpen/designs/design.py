@@ -84,6 +84,9 @@ Rounds: TypeAlias = "Generator[Points, Feedback, None]"
 ModelRounds: TypeAlias = "Generator[Points | Round, Feedback, None]"
 
 
+NO_STEP_BETWEEN_LABELS = "no step leads from one label to another"
+
+
 class Design(ABC):
     """Design of experiments: frozen settings that determine the points to run."""
 
@@ -102,7 +105,7 @@ class Design(ABC):
     """True if its points follow numbers that every completed run must have."""
 
     keep: str = RUNS
-    """What an archive has of it: ``"runs"``, or ``"statistics"`` without them."""
+    """Part of it that an archive has: ``"runs"``, or ``"statistics"`` without them."""
 
     @property
     @abstractmethod

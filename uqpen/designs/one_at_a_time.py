@@ -22,7 +22,7 @@ from uqpen.core.labels import (
 from uqpen.core.sampling import Sampling
 from uqpen.core.settings import choice, count, flag, number
 from uqpen.core.streams import Stream
-from uqpen.designs.design import Design, Extension, Rounds
+from uqpen.designs.design import NO_STEP_BETWEEN_LABELS, Design, Extension, Rounds
 from uqpen.distributions.joint_distribution import JointDistribution, points_dataset
 from uqpen.distributions.orthogonal_polynomials import recurrence
 
@@ -107,7 +107,7 @@ class OneAtATime(Design):
         alone, whose error is of the order of the step and not of its square.
     """
 
-    unordered_reason = "no step leads from one label to another"
+    unordered_reason = NO_STEP_BETWEEN_LABELS
 
     sampling = Sampling.ONE_AT_A_TIME
 
@@ -191,7 +191,7 @@ class Morris(Design):
     Morris, M. D. (1991). Technometrics 33, 161-174.
     """
 
-    unordered_reason = "no step leads from one label to another"
+    unordered_reason = NO_STEP_BETWEEN_LABELS
 
     sampling = Sampling.TRAJECTORIES
     assumes_independence = True

@@ -15,7 +15,7 @@ from uqpen.core.labels import BLOCK_NUMBER, HARMONICS, POSITION, RUN
 from uqpen.core.sampling import Sampling
 from uqpen.core.settings import count, number
 from uqpen.core.streams import Stream
-from uqpen.designs.design import Design, Rounds
+from uqpen.designs.design import NO_STEP_BETWEEN_LABELS, Design, Rounds
 from uqpen.designs.one_at_a_time import add_move_coordinates
 from uqpen.distributions.joint_distribution import JointDistribution
 
@@ -107,7 +107,7 @@ class FiniteDifferences(SalibDesign):
         Step of an input's probability, relative to that probability.
     """
 
-    unordered_reason = "no step leads from one label to another"
+    unordered_reason = NO_STEP_BETWEEN_LABELS
 
     sampling = Sampling.FINITE_DIFFERENCES
     sampler = "finite_diff"

@@ -22,6 +22,7 @@ from uqpen.core.labels import (
 from uqpen.core.processors import one_blas_thread
 from uqpen.core.settings import choice, count, number
 from uqpen.core.streams import Stream
+from uqpen.designs.design import NO_STEP_BETWEEN_LABELS
 from uqpen.designs.rare_events.importance_sampling import inflation
 from uqpen.designs.rare_events.limit_state import EventOutcomes, LimitState
 from uqpen.designs.rare_events.rare_event_design import RareEventDesign, Replicate, RequestedPoints
@@ -336,7 +337,7 @@ class ActiveLearning(RareEventDesign):
     (a surrogate corrected by importance sampling).
     """
 
-    unordered_reason = "no step leads from one label to another"
+    unordered_reason = NO_STEP_BETWEEN_LABELS
 
     needs_numbers = True
 

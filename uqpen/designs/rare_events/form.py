@@ -11,6 +11,7 @@ from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 from uqpen.core.labels import MOVED_AXIS, NORMAL_DISTANCE, SEARCH_ORIGIN, SEARCH_START
 from uqpen.core.settings import count, flag
 from uqpen.core.streams import Stream
+from uqpen.designs.design import NO_STEP_BETWEEN_LABELS
 from uqpen.designs.rare_events.limit_state import LimitState
 from uqpen.designs.rare_events.rare_event_design import RareEventDesign, Replicate, RequestedPoints
 from uqpen.distributions.joint_distribution import JointDistribution
@@ -301,7 +302,7 @@ class Form(RareEventDesign):
     Hohenbichler, M. & Rackwitz, R. (1988). Journal of Engineering Mechanics 114, 2195-2199.
     """
 
-    unordered_reason = "no step leads from one label to another"
+    unordered_reason = NO_STEP_BETWEEN_LABELS
 
     needs_numbers = True
 
