@@ -171,6 +171,9 @@ def sum_columns(columns: Mapping[int, FloatArray]) -> FloatArray:
 #
 # Nelsen, R. B. (2006). An Introduction to Copulas. Springer, chapter 4.
 
+# Nodes and weights of Gauss's rule, by their number.
+_gauss_rule = functools.cache(np.polynomial.legendre.leggauss)
+
 # The least probability, 2**-54, to the power of minus this has room in double precision.
 _STRONGEST = 16.0
 
@@ -182,8 +185,6 @@ class _OneParameter(Dependence):
     """Copula with a parameter `theta`, the same for every pair of its inputs."""
 
     theta: float
-    # The parameters between which a fit looks, of positive dependence.
-    fitted: ClassVar[tuple[float, float]] = (1 + 1e-6, _STRONGEST - 1e-6)
 
     @classmethod
     def fit(
@@ -203,7 +204,7 @@ class _OneParameter(Dependence):
     @classmethod
     def ends(cls, kendall: float) -> tuple[float, float]:
         """Return the parameters between which one with a rank correlation lies."""
-        return cls.fitted
+        return 1 + 1e-6, _STRONGEST - 1e-6
 
     @property
     @abstractmethod
@@ -228,14 +229,16 @@ class _Bivariate(_OneParameter):
 class ClaytonCopula(_OneParameter):
     """Clayton copula, with dependence in the lower tail: small values occur together."""
 
-    fitted = (1e-6, _STRONGEST - 1e-6)
-
     inputs: tuple[str, ...]
     theta: float = number(above=0, below=_STRONGEST)
 
     @property
     def kendall(self) -> float:
         return self.theta / (self.theta + 2)
+
+    @classmethod
+    def ends(cls, kendall: float) -> tuple[float, float]:
+        return 1e-6, _STRONGEST - 1e-6
 
     def log_density(self, probability: FloatArray) -> FloatArray:
         logarithms = np.log(probability)
@@ -319,7 +322,7 @@ class FrankCopula(_Bivariate):
     @property
     def kendall(self) -> float:
         # Debye's function of the first order, by Gauss's rule: its integrand is smooth.
-        nodes, weights = _gauss_rule()
+        nodes, weights = _gauss_rule(200)
         x = abs(self.theta) * (nodes + 1) / 2
         debye = float((weights * x / scipy.special.expm1(x)).sum() / 2)
         return float(np.copysign(1 - 4 / abs(self.theta) * (1 - debye), self.theta))
@@ -358,11 +361,6 @@ class FrankCopula(_Bivariate):
             near = scipy.special.log1p(-np.minimum(share, 1.0))
         second = -np.where(share < 0.5, near, far) / theta
         return second if self.theta > 0 else 1 - second
-
-
-@functools.cache
-def _gauss_rule() -> tuple[FloatArray, FloatArray]:
-    return np.polynomial.legendre.leggauss(200)
 
 
 @dataclass(frozen=True)

@@ -296,7 +296,7 @@ class Gamma(Distribution):
         constant = shape * math.log(shape) - shape - float(scipy.special.gammaln(shape))
         if shape > 1e6:  # Stirling's series
             constant = math.log(shape / (2 * math.pi)) / 2 - 1 / (12 * shape)
-        logarithms = scipy.special.log1p(value / self.mean - 1)
+        logarithms = scipy.special.log1p(ratio - 1)
         found = shape * (logarithms - (ratio - 1)) - logarithms - math.log(self.mean) + constant
         return np.where(value > 0, found, -np.inf)
 
@@ -418,13 +418,8 @@ class Gumbel(Distribution):
 class _OfLocationAndScale(Distribution):
     """Distribution of a standard variable times a scale, from a location on."""
 
-    @property
-    @abstractmethod
-    def _location(self) -> float: ...
-
-    @property
-    @abstractmethod
-    def _scale(self) -> float: ...
+    location: float
+    scale: float
 
     @abstractmethod
     def _standard_ppf(self, lower: FloatArray, upper: FloatArray) -> FloatArray:
@@ -440,20 +435,20 @@ class _OfLocationAndScale(Distribution):
     def _standard_log_density(self, z: FloatArray) -> FloatArray: ...
 
     def ppf(self, probability: FloatArray) -> FloatArray:
-        return self._location + self._scale * self._standard_ppf(probability, 1 - probability)
+        return self.location + self.scale * self._standard_ppf(probability, 1 - probability)
 
     def isf(self, probability: FloatArray) -> FloatArray:
-        return self._location + self._scale * self._standard_ppf(1 - probability, probability)
+        return self.location + self.scale * self._standard_ppf(1 - probability, probability)
 
     def cdf(self, value: FloatArray) -> FloatArray:
-        return self._standard_cdf((value - self._location) / self._scale)
+        return self._standard_cdf((value - self.location) / self.scale)
 
     def sf(self, value: FloatArray) -> FloatArray:
-        return self._standard_sf((value - self._location) / self._scale)
+        return self._standard_sf((value - self.location) / self.scale)
 
     def log_density(self, value: FloatArray) -> FloatArray:
-        standard = (value - self._location) / self._scale
-        return self._standard_log_density(standard) - math.log(self._scale)
+        standard = (value - self.location) / self.scale
+        return self._standard_log_density(standard) - math.log(self.scale)
 
 
 @dataclass(frozen=True)
@@ -464,11 +459,11 @@ class Logistic(_OfLocationAndScale):
     std: float = difference(above=0)
 
     @property
-    def _location(self) -> float:
+    def location(self) -> float:  # type: ignore[override]
         return self.mean
 
     @property
-    def _scale(self) -> float:
+    def scale(self) -> float:  # type: ignore[override]
         return self.std * math.sqrt(3) / math.pi
 
     def _standard_ppf(self, lower: FloatArray, upper: FloatArray) -> FloatArray:
@@ -481,7 +476,7 @@ class Logistic(_OfLocationAndScale):
         return -np.abs(z) - 2 * scipy.special.log1p(np.exp(-np.abs(z)))
 
     def scores(self, value: FloatArray) -> tuple[FloatArray, FloatArray]:
-        standard = (value - self._location) / self._scale
+        standard = (value - self.location) / self.scale
         share = np.tanh(standard / 2)
         return share, standard * share
 
@@ -497,14 +492,6 @@ class Student(_OfLocationAndScale):
     location: float = quantity()
     scale: float = difference(above=0)
     degrees: float = number(above=0, below=1e6)
-
-    @property
-    def _location(self) -> float:
-        return self.location
-
-    @property
-    def _scale(self) -> float:
-        return self.scale
 
     @property
     def highest_moment(self) -> float:
@@ -543,14 +530,6 @@ class GeneralisedExtremeValue(_OfLocationAndScale):
     location: float = quantity()
     scale: float = difference(above=0)
     shape: float = number(above=-10, below=10)
-
-    @property
-    def _location(self) -> float:
-        return self.location
-
-    @property
-    def _scale(self) -> float:
-        return self.scale
 
     @property
     def highest_moment(self) -> float:

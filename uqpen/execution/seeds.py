@@ -109,7 +109,7 @@ class RunSeeds:
 
     def _seed(self, digest: bytes, occurrence: int) -> int:
         text = digest + occurrence.to_bytes(8, "little")
-        found = hashlib.blake2b(text, digest_size=8, key=self._key[:32]).digest()
+        found = hashlib.blake2b(text, digest_size=8, key=self._key).digest()
         return 1 + int.from_bytes(found, "little") % LARGEST_SEED
 
 

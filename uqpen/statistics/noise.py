@@ -141,7 +141,8 @@ class RepeatedSample:
     @cached_property
     def of_mean(self) -> VariancePart:
         """Var m."""
-        return _less(self.between, self.noise_of_means)
+        between, noise = self.between, self.noise_of_means
+        return VariancePart(between.value - noise.value, between.influence - noise.influence)
 
     @cached_property
     def whole(self) -> VariancePart:
@@ -298,10 +299,6 @@ class RepeatedSample:
         upper = np.minimum(np.maximum(found.value + above, found.upper), 1.0)
         replaced = replace(found, lower=found.value - below, upper=upper, method=method)
         return replaced.remove_bounds_at(~np.isfinite(below), texts.NOISE_HIDES_IT)
-
-
-def _less(one: VariancePart, other: VariancePart) -> VariancePart:
-    return VariancePart(one.value - other.value, one.influence - other.influence)
 
 
 def noise_statistics(

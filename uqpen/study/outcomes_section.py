@@ -193,7 +193,11 @@ def _find_class(name: str, known: Mapping[str, Any]) -> Any:
 def _fault(name: str, cls: Any, known: Mapping[str, Any]) -> tuple[str, str] | None:
     """Return what is wrong with the class of an exception, and what is expected."""
     if not (isinstance(cls, type) and issubclass(cls, BaseException)):
-        own = [key for key, value in known.items() if _is_own_exception(value)]
+        own = [
+            key
+            for key, value in known.items()
+            if isinstance(value, type) and issubclass(value, Exception)
+        ]
         expected = "the class of an exception that the module of the function defines or imports"
         return toml_text(name), f"{expected}; {choices(name, own)}" if own else expected
     if limit := next((each for each in _OF_LIMITS if issubclass(cls, each)), None):
@@ -201,7 +205,3 @@ def _fault(name: str, cls: Any, known: Mapping[str, Any]) -> tuple[str, str] | N
     if wider := next((each for each in _OF_LIMITS if issubclass(each, cls)), None):
         return toml_text(name), f"a narrower class: {wider.__name__} is one of these, too"
     return None
-
-
-def _is_own_exception(value: object) -> bool:
-    return isinstance(value, type) and issubclass(value, Exception)
