@@ -67,7 +67,7 @@ class MeasureSeries(NamedTuple):
 
     @property
     def label(self) -> str:
-        """Its name beside other measures."""
+        """Name beside other measures."""
         return self.statistic.measure.label
 
 

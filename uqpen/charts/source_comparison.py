@@ -73,7 +73,7 @@ class ComparedStatistic(NamedTuple):
 
     @property
     def has_unit(self) -> bool:
-        """Whether it is in the unit of its output."""
+        """True if it is in the unit of its output."""
         return self.convert is not identity
 
     @property

@@ -38,7 +38,7 @@ class StudyLimit(NamedTuple):
 
     @property
     def description(self) -> str:
-        """Its text, with the share of cases that the study accepts."""
+        """Text of the limit, with the share of cases that the study accepts."""
         accepted = "" if self.acceptance is None else f", {self.acceptance} of cases"
         return f"{self.text}{accepted}"
 

@@ -1,4 +1,4 @@
-"""What runs were made with, and what of it has changed: models, files, settings."""
+"""Comparison of what runs were made with: models, files, settings."""
 
 from __future__ import annotations
 

@@ -274,7 +274,7 @@ class _Comparison:
 
     @property
     def tolerance_text(self) -> str:
-        """How close the runs are, where they are not equal to the bit."""
+        """Text on the distance of runs that are not equal to the bit."""
         return f" within {TOLERANCE:g}" if self._differs_at_all else ""
 
     def make(self, model: Model, seconds: float | None) -> str:

@@ -78,7 +78,7 @@ class Place:
 
     @property
     def remedy(self) -> str:
-        """What a user can do if none of its runs is taken."""
+        """Advice to the user if none of its runs is taken."""
         return f"continue with the model as it was, {_NEVERTHELESS}, or start over with --fresh"
 
 
@@ -101,7 +101,7 @@ class ArchivePlace(Place):
 
     @property
     def remedy(self) -> str:
-        """What a user can do if none of its runs is taken."""
+        """Advice to the user if none of its runs is taken."""
         leave_out = "leave it out to make all runs, or " if self.is_named else ""
         return f"{leave_out}{_NEVERTHELESS}"
 

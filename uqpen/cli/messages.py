@@ -1,4 +1,4 @@
-"""What commands say: text fit for a terminal, messages on standard error, exit codes."""
+"""Messages of commands: text fit for a terminal, standard error, exit codes."""
 
 from __future__ import annotations
 

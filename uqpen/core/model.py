@@ -143,7 +143,7 @@ def empty_outputs(outputs: Sequence[Output], runs: int) -> dict[str, FloatArray]
 
 @dataclass(frozen=True)
 class Noise:
-    """What a study says of the noise of a model: whether runs at the same inputs differ.
+    """Statement of a study on the noise of a model: whether runs at the same inputs differ.
 
     Parameters
     ----------
@@ -214,7 +214,7 @@ class Model(ABC):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What a user should know of it before it runs, a line each."""
+        """Remarks for a user before it runs, a line each."""
         return ()
 
     @property

@@ -99,7 +99,7 @@ class Shown:
 
     @property
     def has_verdict(self) -> bool:
-        """Whether a study can accept its entries."""
+        """True if a study can accept its entries."""
         return bool(self.event)
 
 

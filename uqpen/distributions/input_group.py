@@ -37,7 +37,7 @@ class InputGroup(ABC):
     """
 
     conditional_reason: ClassVar[str]
-    """Why its inputs cannot be drawn given values of some of them, for a message."""
+    """Reason why its inputs cannot be drawn given values of some of them, for a message."""
 
     inputs: tuple[str, ...]
 

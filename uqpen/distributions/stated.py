@@ -65,7 +65,7 @@ def _read_quantiles(written: Any, context: Context) -> tuple[tuple[float, float]
 
 @dataclass(frozen=True)
 class Stated:
-    """What a study states of a distribution in place of its parameters, in SI units."""
+    """Moments and quantiles that a study states in place of parameters, in SI units."""
 
     mean: float | None = quantity(default=None)
     std: float | None = difference(above=0, default=None)

@@ -64,7 +64,7 @@ class ComparedMethod(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Its name in tables and JSON; with a space if it is not a name in the study."""
+        """Name in tables and JSON; with a space if it is not a name in the study."""
         return self.source if SINGLE in self.variants else f"{self.source} {REPLICATED}"
 
 

@@ -1,4 +1,4 @@
-"""What determines the runs and the archive of a study: text, files, versions and models."""
+"""Identity of a study, of its runs and of its archive: text, files, versions and models."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ MODEL_PREFIX = "model_"
 
 
 class ModelIdentity(NamedTuple):
-    """What decides the result of a model's run at given inputs: in a study, or in an archive."""
+    """Identity of a model: all that decides a run at given inputs, in a study or an archive."""
 
     # Its name, and what distinguishes its versions, as in `Model.identity`.
     attributes: Mapping[str, str]
@@ -75,7 +75,7 @@ class ModelIdentity(NamedTuple):
 
 
 class StudyIdentity(NamedTuple):
-    """What decides the archive of a study, gathered at one moment, or stated by the archive."""
+    """Identity of a study: all that decides its archive, gathered at once or read from that."""
 
     attributes: Mapping[str, Any]  # those of the archive's root
     content: Mapping[str, Any]  # the text of the study, parsed; empty for a text that is damaged

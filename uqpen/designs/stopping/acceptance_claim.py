@@ -56,7 +56,7 @@ class ClaimVerdict(StrEnum):
     HELD = "held"
     """The claim is accepted."""
     NOT_HELD = "not held"
-    """Its opposite is accepted."""
+    """The opposite of the claim is accepted."""
     UNDECIDED = "undecided"
     """The runs are too few for either."""
 

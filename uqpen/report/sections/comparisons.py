@@ -1,4 +1,4 @@
-"""How far estimates agree: by runs so far, by source and by model; surrogates and trajectories."""
+"""Comparisons of estimates by runs so far, source and model; surrogates and trajectories."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What drives an output, what agrees with it, and what a reader has to mind, in sentences."""
+"""Findings in sentences: drivers of an output, agreement, and what a reader has to mind."""
 
 from __future__ import annotations
 

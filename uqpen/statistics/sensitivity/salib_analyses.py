@@ -108,7 +108,7 @@ class SalibAnalysis(ABC):
 
     method: ClassVar[str]
     independence_reason: ClassVar[str] = ""
-    """Why inputs must not depend on each other, for a message; empty where they may."""
+    """Reason why inputs must not depend on each other, for a message; empty where they may."""
 
     seed: int  # of SALib's random numbers, above 0: it takes 0 for none
 
@@ -167,7 +167,7 @@ class SalibAnalysis(ABC):
             yield name, _stated(whole.to_array(units="1", long_name=title, level=sample.level))
 
     statistics: ClassVar[tuple[str, ...]]
-    """Its statistics along the inputs, by their names in the catalogue."""
+    """Statistics along the inputs, by their names in the catalogue."""
 
     of_all_inputs: ClassVar[tuple[str, ...]] = ()
     """Those of all inputs together."""
