@@ -189,7 +189,7 @@ def test_a_curve_that_is_the_same_up_to_where_all_get_is_scaled():
 MODEL = """\
 import numpy as np
 
-TIME = np.linspace(0.0, 12.0, 601)
+TIME = np.linspace(0.0, 12.0, 241)
 
 
 def simulate(x, z):
@@ -221,6 +221,11 @@ design = "lhs"
 """
 
 
+# The places of the study: fewer, as all statistics are computed at each.
+FEWER = np.linspace(0.0, 12.0, 241)
+COARSE = FEWER[1]
+
+
 @pytest.fixture(scope="module")
 def archive(tmp_path_factory):
     folder = tmp_path_factory.mktemp("ending")
@@ -240,10 +245,10 @@ def test_an_archive_predicts_curves_with_their_ends(archive, tmp_path):
     found = surrogate(x=[1.0, 1.2], z=["8 s", "10 s"])
     ends = found["moving_end"]
     assert ends.attrs["units"] == "s"
-    assert ends.values == pytest.approx([8 - STEP / 2, 10 - STEP / 2], abs=STEP)
+    assert ends.values == pytest.approx([8 - COARSE / 2, 10 - COARSE / 2], abs=COARSE)
     there = found["moving"].notnull()
     assert found["time"].values[there.values.sum(axis=1) - 1] == pytest.approx(
-        ends.values, abs=STEP
+        ends.values, abs=COARSE
     )
     (tmp_path / "points.csv").write_text("x,z [s]\n1,8\n1.2,10\n")
     shown = CliRunner().invoke(predict, [f"{archive}:pce", str(tmp_path / "points.csv")])
@@ -255,35 +260,35 @@ def test_an_archive_predicts_curves_with_their_ends(archive, tmp_path):
 def test_statistics_at_a_place_are_of_the_curves_that_get_there(archive):
     tree = uqpen.open_archive(archive)
     moving = tree["statistics/pce/moving"].to_dataset().sel(bound="estimate")
-    later = {"time": 450}  # 9 s, which half of the curves reach
+    later = {"time": 180}  # 9 s, which half of the curves reach
     assert float(moving["reached"][later]) == pytest.approx(0.5, abs=0.01)
     z, x = np.meshgrid(np.linspace(9, 11, 400), np.linspace(0.5, 1.5, 400))
     truth = x * (2 + np.cos(27 / z)) + (9 / z) ** 3
-    # A step of the grid moves the curves by 0.2 %.
-    assert float(moving["mean"][later]) == pytest.approx(truth.mean(), rel=4e-3)
-    assert float(moving["std"][later]) == pytest.approx(truth.std(), rel=1e-2)
+    # A step of the grid moves the curves by 0.5 %.
+    assert float(moving["mean"][later]) == pytest.approx(truth.mean(), rel=1e-2)
+    assert float(moving["std"][later]) == pytest.approx(truth.std(), rel=2e-2)
     assert moving["reached"].attrs.keys() >= {"estimator"}
     assert moving["mean"].attrs["conditional_on"] == "the curve's reaching the place"
     # Sobol' indices are of places that all curves reach.
     first = moving["first_order"]
     last = int(np.flatnonzero(first.notnull().all("input"))[-1])
-    assert PLACES[last] == pytest.approx(7, abs=0.1)
+    assert FEWER[last] == pytest.approx(7, abs=0.1)
     z, x = np.meshgrid(np.linspace(7, 11, 801)[1::2], np.linspace(0.5, 1.5, 801)[1::2])
     curve = x * (2 + np.cos(18 / z)) + (6 / z) ** 3
     share = curve.mean(axis=0).var() / curve.var()
-    assert float(first.sel(input="z")[300]) == pytest.approx(share, abs=0.01)
-    assert float(moving["total_order"].sel(input="x")[300]) == pytest.approx(1 - share, abs=0.01)
+    assert float(first.sel(input="z")[120]) == pytest.approx(share, abs=0.01)
+    assert float(moving["total_order"].sel(input="x")[120]) == pytest.approx(1 - share, abs=0.01)
     shown = CliRunner().invoke(show, [str(archive), "--output", "moving", "--at", "time=9"])
     text = " ".join(shown.output.split())
     assert "some curves end before, and the inputs of the others depend on each other" in text
     whole = moving["generalized_first_order"]
-    assert f"up to time = {PLACES[last]:g} s" in whole.attrs["long_name"]
+    assert f"up to time = {FEWER[last]:g} s" in whole.attrs["long_name"]
     assert 0.9 < float(whole.sum()) < 1
     decay = tree["statistics/pce/decay"].to_dataset()
     mean = decay["mean"].sel(bound="estimate")
     known = np.isfinite(mean.values)
     assert known.sum() == int(tree["surrogates/pce/decay"].attrs["common_places"])
-    np.testing.assert_allclose(mean.values[known], 5 * np.exp(-PLACES / 4)[known] + 0.1, rtol=1e-6)
+    np.testing.assert_allclose(mean.values[known], 5 * np.exp(-FEWER / 4)[known] + 0.1, rtol=1e-6)
     shown = CliRunner().invoke(show, [str(archive), "--output", "decay", "--at", "time=12"])
     assert "some training curves end after time = 7" in shown.output
     assert decay["first_order"].sel(bound="estimate", input="x").values[1] == pytest.approx(1)
