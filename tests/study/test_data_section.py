@@ -473,7 +473,7 @@ def test_ten_lines_make_drivers_and_predictions_of_a_table_as_people_write_it(
     (tmp_path / "new.csv").write_text("Rain (mm),Area (km2),soil\n50,1.5,mud\n")
     done = command_line("predict", "flood.nc", "new.csv")
     assert 'line 2, column "soil": found "mud"; known: clay, sand' in " ".join(done.err.split())
-    with pytest.raises(QuantityError, match="one of clay, sand"):
+    with pytest.raises(QuantityError, match="a label of soil; known: clay, sand"):
         tree.surrogate("gp")(Rain=0.05, Area=1.5e6, soil="mud")
     wrong = mistakes(TOGETHER.replace("= true", "= 1"), "", written)
     assert ("model.together", "1") in wrong
