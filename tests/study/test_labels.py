@@ -92,7 +92,6 @@ def test_the_archive_has_codes_and_their_meanings(tmp_path):
         ('"one-at-a-time"', "no step leads from one label to another"),
         ('"morris"\ntrajectories = 4', "no step leads from one label to another"),
         ('"quadrature"\norder = 1', "labels have no moments"),
-        ('"full-factorial"\nlevels = 2', "medians of equal shares"),
         ('"form"\nevent = "y > 1.2"', "no step leads from one label to another"),
         ('"active-learning"\nevent = "y > 1.2"', "no step leads from one label to another"),
     ],

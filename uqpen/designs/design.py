@@ -87,6 +87,14 @@ ModelRounds: TypeAlias = "Generator[Points | Round, Feedback, None]"
 NO_STEP_BETWEEN_LABELS = "no step leads from one label to another"
 
 
+def steps_of_single_values(joint: JointDistribution) -> Iterator[Problem]:
+    """Yield a problem for each input in which no small step can be made."""
+    for entry in joint.random:
+        if entry.distribution.is_discrete:
+            found = f"steps of {entry.variable.name}, which has single values"
+            yield Problem((), found, "inputs with a continuous distribution")
+
+
 class Design(ABC):
     """Design of experiments: frozen settings that determine the points to run."""
 

@@ -22,7 +22,13 @@ from uqpen.core.labels import (
 from uqpen.core.sampling import Sampling
 from uqpen.core.settings import choice, count, flag, number
 from uqpen.core.streams import Stream
-from uqpen.designs.design import NO_STEP_BETWEEN_LABELS, Design, Extension, Rounds
+from uqpen.designs.design import (
+    NO_STEP_BETWEEN_LABELS,
+    Design,
+    Extension,
+    Rounds,
+    steps_of_single_values,
+)
 from uqpen.distributions.joint_distribution import JointDistribution, points_dataset
 from uqpen.distributions.orthogonal_polynomials import recurrence
 
@@ -116,10 +122,7 @@ class OneAtATime(Design):
     difference: str = choice(*_SIDES, default="central")
 
     def check_inputs(self, joint: JointDistribution) -> Iterator[Problem]:
-        for entry in joint.random:
-            if entry.distribution.is_discrete:
-                found = f"steps of {entry.variable.name}, which has single values"
-                yield Problem((), found, "inputs with a continuous distribution")
+        yield from steps_of_single_values(joint)
         for name in joint.implicit_inputs:
             found = f"steps of {name}, whose own distribution is not known"
             yield Problem((), found, "inputs with a distribution of their own")

@@ -551,16 +551,15 @@ def _multi_indices(inputs: int, order: int) -> Iterator[tuple[int, ...]]:
 class FullFactorial(Design):
     """Full factorial design over the medians of equally likely strata of each input.
 
-    Every point has the same weight: as an integration rule, it is the midpoint rule over the unit
-    cube of probabilities.
+    As an integration rule, it is the midpoint rule over the unit cube of probabilities. An
+    independent input of labels, or of at most `levels` single values, has each of them once, with
+    its probability as weight.
 
     Parameters
     ----------
     levels : int
-        Number of values of each random input.
+        Number of values of each other random input.
     """
-
-    unordered_reason = "its levels are medians of equal shares, which labels do not have"
 
     sampling = Sampling.QUADRATURE
 
@@ -572,16 +571,28 @@ class FullFactorial(Design):
                 # Levels of the probability that selects a row are rows of any kind.
                 found = f"levels of {', '.join(group.inputs)}, which are rows of a sample"
                 yield Problem((), found, "a sample, such as monte-carlo or latin-hypercube")
-        inputs = len(joint.random)
-        yield from too_many_nodes("levels", self.levels, self.levels**inputs, inputs)
+        runs = self.run_count(joint)
+        yield from too_many_nodes("levels", self.levels, runs, len(joint.random))
 
     def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
-        medians = (np.arange(self.levels) + 0.5) / self.levels
-        unit = np.stack(tensor_grid([medians] * len(joint.random)), axis=1).astype(np.float64)
-        weights = np.full(len(unit), 1 / len(unit))
+        medians, shares = zip(*self._levels(joint), strict=True)
+        unit = np.stack(tensor_grid(medians), axis=1)
+        weights = np.prod(tensor_grid(shares), axis=0)
         points = joint.points(unit, {QUADRATURE_WEIGHT: weights})
         points[QUADRATURE_WEIGHT].attrs = WEIGHT_ATTRIBUTES
         yield points
 
     def run_count(self, joint: JointDistribution) -> int:
-        return int(self.levels ** len(joint.random))
+        return math.prod(len(shares) for _, shares in self._levels(joint))
+
+    def _levels(self, joint: JointDistribution) -> Iterator[tuple[FloatArray, FloatArray]]:
+        """Yield for each random input the median and the size of each stratum of probability."""
+        joined = {name for group in joint.groups for name in group.inputs}
+        joined |= {*(joint.dependence.inputs if joint.dependence else ())}
+        for entry in joint.random:
+            atoms = None if entry.variable.name in joined else entry.distribution.atoms()
+            if atoms is None or (len(atoms[1]) > self.levels and not entry.variable.labels):
+                medians = (np.arange(self.levels) + 0.5) / self.levels
+                yield medians, np.full(self.levels, 1 / self.levels)
+            else:
+                yield np.cumsum(atoms[1]) - atoms[1] / 2, atoms[1]

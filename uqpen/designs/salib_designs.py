@@ -15,7 +15,12 @@ from uqpen.core.labels import BLOCK_NUMBER, HARMONICS, POSITION, RUN
 from uqpen.core.sampling import Sampling
 from uqpen.core.settings import count, number
 from uqpen.core.streams import Stream
-from uqpen.designs.design import NO_STEP_BETWEEN_LABELS, Design, Rounds
+from uqpen.designs.design import (
+    NO_STEP_BETWEEN_LABELS,
+    Design,
+    Rounds,
+    steps_of_single_values,
+)
 from uqpen.designs.one_at_a_time import add_move_coordinates
 from uqpen.distributions.joint_distribution import JointDistribution
 
@@ -116,10 +121,7 @@ class FiniteDifferences(SalibDesign):
     delta: float = number(above=0, below=1, default=0.01)
 
     def check_inputs(self, joint: JointDistribution) -> Iterator[Problem]:
-        for entry in joint.random:
-            if entry.distribution.is_discrete:
-                found = f"steps of {entry.variable.name}, which has single values"
-                yield Problem((), found, "inputs with a continuous distribution")
+        yield from steps_of_single_values(joint)
 
     def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
         inputs = len(joint.random)

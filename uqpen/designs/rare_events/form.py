@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
+from uqpen.core.errors import Problem
 from uqpen.core.labels import MOVED_AXIS, NORMAL_DISTANCE, SEARCH_ORIGIN, SEARCH_START
 from uqpen.core.settings import count, flag
 from uqpen.core.streams import Stream
-from uqpen.designs.design import NO_STEP_BETWEEN_LABELS
+from uqpen.designs.design import NO_STEP_BETWEEN_LABELS, steps_of_single_values
 from uqpen.designs.rare_events.limit_state import LimitState
 from uqpen.designs.rare_events.rare_event_design import RareEventDesign, Replicate, RequestedPoints
 from uqpen.distributions.joint_distribution import JointDistribution
@@ -309,6 +310,10 @@ class Form(RareEventDesign):
     starts: int = count(default=5, maximum=1000)
     iterations: int = count(default=20, maximum=1000)
     curvature: bool = flag(default=True)
+
+    def check_inputs(self, joint: JointDistribution) -> Iterator[Problem]:
+        yield from super().check_inputs(joint)
+        yield from steps_of_single_values(joint)
 
     @property
     def ends_early(self) -> bool:

@@ -122,7 +122,10 @@ class PolynomialChaos(Surrogate):
             for name in group.inputs
         ]:
             found = f"polynomials of {', '.join(unknown)}"
-            expected = "a joint distribution that a study file states, as an archive keeps it"
+            expected = (
+                "inputs with distributions of their own, or joined by chaospy in the study file, "
+                'as polynomials are of these; "gaussian-process" takes any inputs'
+            )
             yield Problem((), found, expected)
         if unordered := label_problem(joint):
             yield Problem((), unordered, 'kind = "gaussian-process", which needs no order')
