@@ -13,7 +13,7 @@ from uqpen.statistics.surrogate.corrected_statistics import correct_statistics, 
 from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
 from uqpen.statistics.surrogate.surrogate_statistics import surrogate_statistics
 from uqpen.study.study import ValidatedStudy
-from uqpen.surrogates.fitting import cross_fit
+from uqpen.surrogates.fitting import cross_fit, fit_surrogate
 from uqpen.surrogates.surrogate import Surrogate
 
 STREAM = Stream(1, "surrogates", "pce")
@@ -35,7 +35,7 @@ def corrected_by(
 ) -> OutputStatistics:
     """Return the corrected statistics of the output y by a surrogate."""
     model = study.models[""].model
-    fitted = surrogate.fit("pce", training, model, study.joint, STREAM)
+    fitted = fit_surrogate(surrogate, "pce", training, model, study.joint, STREAM)
     folds = cross_fit(surrogate, "pce", training, model, study.joint, STREAM)
     draws = SurrogateDraws(fitted, study.joint, study.constraints, {}, STREAM)
     quantities = study.model_quantities(model)

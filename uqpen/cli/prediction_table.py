@@ -12,7 +12,7 @@ from uqpen.core.blocks import block_ranges
 from uqpen.core.labels import INPUT
 from uqpen.core.units import scale
 from uqpen.results.table import label_with_unit
-from uqpen.surrogates.archived_surrogate import EXTRAPOLATED, std_name
+from uqpen.surrogates.archived_surrogate import EXTRAPOLATED, std_names
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -91,11 +91,11 @@ def _places(points: int, dims: tuple[Dimension, ...]) -> Iterator[tuple[str, Flo
 
 
 def _values(predicted: xr.Dataset, outputs: Sequence[Output]) -> Iterator[tuple[str, FloatArray]]:
-    """Yield the columns of outputs, each with that of its standard deviation if there is one."""
+    """Yield the columns of outputs, each with those of its standard deviations."""
     for output in outputs:
-        unit, std = output.preferred_unit, std_name(output)
+        unit = output.preferred_unit
         values = predicted[output.name].values.ravel()
         yield label_with_unit(output.name, unit), scale(unit).from_si(values)
-        if std in predicted:
+        for std in filter(predicted.__contains__, std_names(output)):
             deviations = scale(unit).difference_from_si(predicted[std].values.ravel())
             yield label_with_unit(std, unit), deviations

@@ -99,7 +99,7 @@ def _run_surrogate(
     from uqpen.archive.read import open_archive
     from uqpen.cli.console import plain_table, standard_output
     from uqpen.core.units import DIMENSIONLESS, scale
-    from uqpen.surrogates.archived_surrogate import EXTRAPOLATED, std_name
+    from uqpen.surrogates.archived_surrogate import EXTRAPOLATED, std_names
 
     tree = open_archive(path)
     found = open_surrogate(tree, path, name, folder, trust=trust)
@@ -114,11 +114,11 @@ def _run_surrogate(
     predicted = found.predict(values)
     rows = []
     for output in found.outputs:
-        unit, std = output.preferred_unit, std_name(output)
+        unit = output.preferred_unit
         shown = "" if unit == DIMENSIONLESS else unit
         value = scale(unit).from_si(float(predicted[output.name]))
         rows.append((output.name, f"{value:.10g}", shown))
-        if std in predicted:
+        for std in filter(predicted.__contains__, std_names(output)):
             deviation = scale(unit).difference_from_si(float(predicted[std]))
             rows.append((std, f"{deviation:.3g}", shown))
     standard_output().print(plain_table(["output", "value", "unit"], rows))

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from uqpen.execution.runs import (
         common_runs,
         first_repeats,
+        mean_repeats,
+        repeats_of,
         replicate_count,
         run_count,
         status_counts,
@@ -36,6 +38,8 @@ __all__ = [
     "evaluate_blocks",
     "first_repeats",
     "join_rounds",
+    "mean_repeats",
+    "repeats_of",
     "replicate_count",
     "run_count",
     "status_counts",
@@ -114,6 +118,8 @@ _HOMES = {
     "uqpen.execution.runs": (
         "common_runs",
         "first_repeats",
+        "mean_repeats",
+        "repeats_of",
         "replicate_count",
         "run_count",
         "status_counts",

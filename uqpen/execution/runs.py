@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from uqpen.core.arrays import FloatArray
 from uqpen.core.blocks import BlockedRuns, LoadedDataset, block_ranges
 from uqpen.core.labels import (
     ABSENT,
@@ -74,6 +75,52 @@ def first_repeats(runs: xr.Dataset) -> xr.Dataset:
     if REPEAT not in runs.coords:
         return runs
     return runs.isel({RUN: np.flatnonzero(runs[REPEAT].values == 0)})
+
+
+# The fewest completed runs of a point that show its noise.
+_FEWEST_REPEATS = 2
+
+
+def mean_repeats(runs: xr.Dataset) -> xr.Dataset:
+    """Return one run for each point, with the means of its completed runs, as surrogates take them.
+
+    A number is the mean over the completed runs, which `repeats_of` has. A field and a category are
+    those of the first of them. A point with fewer than two is missing, with the status of one that
+    failed. The runs of a design that repeats none are returned as they are.
+    """
+    if REPEAT not in runs.coords:
+        return runs
+    point, repeat = runs[POINT].values, runs[REPEAT].values
+    rows = np.empty((int(point.max(initial=-1)) + 1, int(repeat.max(initial=0)) + 1), dtype=np.intp)
+    rows[point, repeat] = np.arange(runs.sizes[RUN])
+    completed = runs[STATUS].values[rows] == Status.OK
+    count = completed.sum(axis=1)
+    shown = np.where(count >= _FEWEST_REPEATS, completed.argmax(axis=1), completed.argmin(axis=1))
+    found = runs.isel({RUN: rows[np.arange(len(rows)), shown]}).drop_vars([POINT, REPEAT])
+    columns: dict[str, Any] = {}
+    for name, variable in runs.variables.items():
+        is_number = variable.dims == (RUN,) and "flag_values" not in variable.attrs
+        if is_number and variable.attrs.get(ROLE) == "output":
+            values = variable.values.astype(np.float64)[rows]
+            # Divided first, as a sum can overflow.
+            parts = np.where(completed, values / np.maximum(count, 1)[:, None], 0.0)
+            columns[str(name)] = found[name].copy(data=parts.sum(axis=1))
+            columns[_by_repeat(str(name))] = (RUN, REPEAT), np.where(completed, values, np.nan)
+    return found.assign(columns)
+
+
+def repeats_of(runs: xr.Dataset, output: str) -> FloatArray | None:
+    """Return the completed runs of an output at each point of `mean_repeats`, shape (run, repeat).
+
+    They are NaN where no run completed. Without repeats there are none.
+    """
+    name = _by_repeat(output)
+    return runs[name].values if name in runs else None
+
+
+def _by_repeat(output: str) -> str:
+    # No output has a name with spaces.
+    return f"{output} by {REPEAT}"
 
 
 def bytes_of_a_run(runs: xr.Dataset) -> int:

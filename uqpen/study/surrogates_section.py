@@ -87,6 +87,9 @@ def check_surrogates(
     fields = [output.name for output in model.all_outputs if output.dims]
     for name, surrogate in surrogates.items():
         _check_designs(table, name, surrogate, designs)
+        if (design := designs.get(surrogate.design)) is not None:
+            repeats = design.repeats if isinstance(design, RepeatedDesign) else 1
+            table.add_problems(surrogate.check_repeats(repeats), name)
         for output in surrogate.transform:
             if output in fields:
                 found = f'the logarithm of "{output}", which has dimensions'

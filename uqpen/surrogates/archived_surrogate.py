@@ -208,8 +208,9 @@ class ArchivedSurrogate:
         Dataset
             In SI units, with the inputs as coordinates: the outputs, fields along their dimensions
             behind those of the points; ``<output>_std``, the standard deviation of a prediction,
-            where the surrogate has one; and ``extrapolated`` along ``input``, which marks the
-            inputs of a point outside of the training range.
+            where the surrogate has one; ``<output>_mean_std``, that of the mean given the inputs,
+            where its runs were repeated, as the other is of a new run; and ``extrapolated`` along
+            ``input``, which marks the inputs of a point outside of the training range.
 
         Warns
         -----
@@ -415,15 +416,22 @@ def _variables(output: Output, found: Prediction, some: xr.DataArray) -> dict[st
     attributes = {"long_name": output.title, "units": output.unit}
     shown = {"display_units": output.preferred_unit}
     variables = {output.name: _like(some, output, found.mean, attributes | shown)}
-    if found.std is not None:
-        title = {"long_name": f"standard deviation of the prediction of {output.title}"}
-        variables[std_name(output)] = _like(some, output, found.std, attributes | title | shown)
+    titles = "prediction of {}", "mean of {} given the inputs"
+    for name, values, title in zip(
+        std_names(output), (found.std, found.mean_std), titles, strict=True
+    ):
+        if values is not None:
+            own = {"long_name": f"standard deviation of the {title.format(output.title)}"}
+            variables[name] = _like(some, output, values, attributes | own | shown)
     return variables
 
 
-def std_name(output: Output) -> str:
-    """Return the name of the standard deviation of predictions of an output."""
-    return f"{output.name}_std"
+def std_names(output: Output) -> tuple[str, str]:
+    """Return the names of the standard deviations of predictions of an output.
+
+    The second is that of its mean given the inputs, where runs were repeated.
+    """
+    return f"{output.name}_std", f"{output.name}_mean_std"
 
 
 def _like(

@@ -27,11 +27,15 @@ class Prediction:
     mean : ndarray, shape (run,); of a field (run, *dims)
         The predicted values.
     std : ndarray of that shape, or None
-        Their predictive standard deviations; None if the surrogate has none.
+        Their predictive standard deviations, of a run; None if the surrogate has none.
+    mean_std : ndarray of that shape, or None
+        Standard deviations of the mean of the output given the inputs, where the noise of runs is
+        known from their repeats.
     """
 
     mean: FloatArray
     std: FloatArray | None = None
+    mean_std: FloatArray | None = None
 
 
 class FittedSurrogate(Model):

@@ -16,6 +16,7 @@ from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.distributions.joint_distribution import JointDistribution
+from uqpen.execution import mean_repeats
 from uqpen.models.user_code import error_text
 from uqpen.surrogates.ending_curves import EndingComponents, best_way
 from uqpen.surrogates.field_fit import FieldCheck, ScoreModel, field_components, scored_runs
@@ -52,8 +53,9 @@ def fit_surrogate(
 
     Curves that end take further fits, to parts of the runs, and can be left out. Where a
     user-defined surrogate raises an error, or gives what is no fitted surrogate, that is the reason
-    why no output is fitted.
+    why no output is fitted. Of runs that a design repeats it gets the means at the points.
     """
+    runs = mean_repeats(runs)
 
     def fit(runs: xr.Dataset, model: Model) -> FittedSurrogate:
         if is_built_in(surrogate):
@@ -236,7 +238,14 @@ def cross_fit(
         Of any kind. An output that one of the fits does not have is in its `reasons`.
     stream : Stream
         That of the fit to all runs; the division and each fit have streams of their own below it.
+
+    Returns
+    -------
+    CrossFit
+        Of runs that a design repeats, `mean_repeats` has those that are divided: all repeats of a
+        point are in one fold.
     """
+    runs = mean_repeats(runs)
     size = runs.sizes[RUN]
     if reason := _reason_without_folds(runs):
         return CrossFit.without_folds(size, reason)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Self, cast
 
 import numpy as np
 from scipy import linalg, optimize
@@ -182,10 +182,12 @@ class GaussianProcessFit(OutputFit):
 
     @classmethod
     def from_dataset(cls, dataset: xr.Dataset) -> Self:
-        """Restore it from `to_dataset`."""
+        """Restore it from `to_dataset`; of repeated runs as a `RepeatedProcessFit`."""
         if "input_labels" not in dataset:
             none = np.zeros(dataset["input_scale"].shape, dtype=np.int64)
             dataset = dataset.assign(input_labels=("input_labels_0", none))
+        if "noise_of_means" in dataset and cls is GaussianProcessFit:
+            return cast(Self, RepeatedProcessFit.from_dataset(dataset))
         return super().from_dataset(dataset)
 
     @property
@@ -204,12 +206,16 @@ class GaussianProcessFit(OutputFit):
         terms = self._terms(scaled)
         mean = self._mean(kernel, terms)
         deviation = self.scale * self.std * np.sqrt(self._variances(kernel, terms))
+        return Prediction(*self._of_output(mean, deviation))
+
+    def _of_output(self, mean: FloatArray, *deviations: FloatArray) -> tuple[FloatArray, ...]:
+        """Return the mean of the fitted variable and deviations of it as those of the output."""
         if not self.of_logarithm:
-            return Prediction(mean, deviation)
+            return mean, *deviations
         # A lognormal variable, of which the median is predicted.
-        variance = np.minimum(deviation, _LARGEST_DEVIATION) ** 2
-        std = np.exp(mean) * np.sqrt(np.expm1(variance) * np.exp(variance))
-        return Prediction(np.exp(mean), std)
+        variances = (np.minimum(each, _LARGEST_DEVIATION) ** 2 for each in deviations)
+        factors = (np.sqrt(np.expm1(each) * np.exp(each)) for each in variances)
+        return np.exp(mean), *(np.exp(mean) * each for each in factors)
 
     def predict_mean(self, points: FloatArray) -> FloatArray:
         """Predict without the deviations, which take far longer; see `OutputFit.predict_mean`."""
@@ -241,16 +247,80 @@ class GaussianProcessFit(OutputFit):
     def _variances(self, kernel: FloatArray, terms: FloatArray) -> FloatArray:
         """Return the variances given the runs, as shares of that of the process."""
         matrix = correlations(self.points, self.points, self.smoothness)
-        matrix[np.diag_indices_from(matrix)] += self.nugget
+        matrix[np.diag_indices_from(matrix)] += self._noise_at_runs
         factor = linalg.cholesky(matrix, lower=True)
         among = linalg.solve_triangular(factor, self._terms(self.points), lower=True)
         known = linalg.solve_triangular(factor, kernel.T, lower=True)
         unknown = terms.T - among.T @ known
         trend = linalg.cholesky(among.T @ among, lower=True)
         by_trend = linalg.solve_triangular(trend, unknown, lower=True)
-        left = 1 + self.nugget - (known**2).sum(axis=0) + (by_trend**2).sum(axis=0)
+        left = 1 + self._noise_of_run - (known**2).sum(axis=0) + (by_trend**2).sum(axis=0)
         # What is left of 1 next to a run may be below 0 by rounding.
         return np.maximum(left, 0.0)
+
+    @property
+    def _noise_at_runs(self) -> FloatArray | float:
+        """Variance of the noise of each training value, as a share of that of the process."""
+        return self.nugget
+
+    @property
+    def _noise_of_run(self) -> float:
+        """Variance of the noise in what `_variances` are of."""
+        return self.nugget
+
+
+@dataclass(frozen=True, eq=False)
+class RepeatedProcessFit(GaussianProcessFit):
+    """Gaussian process given the means over the repeats of points, whose noise is known.
+
+    The logarithm of the variance of the noise of a run is `noise_level`, of the fitted variable.
+    Where it varies with the inputs, the correlations with the points times `noise_weights` are
+    added. `nugget` is the mean variance of the noise of a run, and `std_factor` is of the deviation
+    of a run alone.
+    """
+
+    # (run,): variance of the noise of the mean at each point, as a share of that of the process
+    noise_of_means: FloatArray
+    noise_level: float
+    noise_lengths: FloatArray  # (coordinate,): correlation lengths of the logarithm, as `lengths`
+    noise_weights: FloatArray  # (run,); all are 0 for noise that is the same everywhere
+
+    def predict(self, points: FloatArray) -> Prediction:
+        """Predict a run, with the deviation of the mean given the inputs beside that of the run."""
+        scaled = self.scaled_coordinates(points)
+        kernel = correlations(scaled, self.points, self.smoothness)
+        terms = self._terms(scaled)
+        unit = (self.scale * self.std / self.std_factor) ** 2
+        variances = unit * self._variances(kernel, terms)
+        of_run = self.std_factor * np.sqrt(variances + self.noise_variances(scaled))
+        # Of a process that errs less than it says, runs without noise show that.
+        of_mean = np.minimum(np.sqrt(variances), of_run)
+        return Prediction(*self._of_output(self._mean(kernel, terms), of_run, of_mean))
+
+    def noise_variances(self, scaled: FloatArray) -> FloatArray:
+        """Return the variance of the noise of a run at points, in units of the fitted variable.
+
+        Parameters
+        ----------
+        scaled : ndarray, shape (run, coordinate)
+            As `scaled_coordinates` gives them.
+        """
+        logarithm = np.full(len(scaled), self.noise_level)
+        if self.noise_weights.any():
+            own, others = (
+                each * self.lengths / self.noise_lengths for each in (scaled, self.points)
+            )
+            logarithm += correlations(own, others, self.smoothness) @ self.noise_weights
+        found: FloatArray = np.exp(logarithm)
+        return found
+
+    @property
+    def _noise_at_runs(self) -> FloatArray:
+        return self.noise_of_means
+
+    @property
+    def _noise_of_run(self) -> float:
+        return 0.0
 
 
 def trend_terms(coordinates: FloatArray, *, is_linear: bool) -> FloatArray:
@@ -273,11 +343,15 @@ def trend_terms(coordinates: FloatArray, *, is_linear: bool) -> FloatArray:
 # Ranges of the lengths, for coordinates of variance 1, and of a nugget that is estimated.
 _LENGTHS = (0.01, 300.0)
 _NUGGETS = (1e-10, 10.0)
+# Range of the variance of the process where the noise is known, for values of variance 1: that of a
+# smooth one with a long length is far larger.
+_VARIANCES = (1e-4, 1e8)
 
 # First searches start from a long length for each input and one of these nuggets, and from lengths
 # beside it, at most a factor of e away. The best of them is continued.
 _STARTS = 3
 _START_NUGGETS = (1e-6, 1e-2, 1e-6)
+_START_VARIANCES = (10.0, 1.0, 100.0)
 _FIRST_STEPS, _STEPS = 30, 200
 # Of more runs than this, first searches take a part, and the last one fewer steps.
 FEW_RUNS = 300
@@ -308,6 +382,14 @@ class ProcessData:
     nugget: float | None = None  # A given nugget; None if it is estimated
     # (coordinate,): the number of the length of each; None where each has its own.
     length_numbers: IntArray | None = None
+    # (run,): known variances of the noise of the values, over `noise_level`, which is their mean.
+    # What is estimated then is the variance of the process: the nugget is the level over it.
+    noise: FloatArray | None = None
+    noise_level: float = 1.0
+
+    def nuggets(self, nugget: float) -> FloatArray | float:
+        """Return the variances of the noise of the values, as shares of that of the process."""
+        return nugget if self.noise is None else nugget * self.noise
 
     def scaled(self, lengths: FloatArray) -> FloatArray:
         """Return the points in units of the lengths."""
@@ -318,7 +400,8 @@ class ProcessData:
     def part(self, runs: IntArray) -> ProcessData:
         """Return some of the runs."""
         points, values, trend = self.points[runs], self.values[runs], self.trend[runs]
-        return replace(self, points=points, values=values, trend=trend)
+        noise = None if self.noise is None else self.noise[runs]
+        return replace(self, points=points, values=values, trend=trend, noise=noise)
 
 
 @dataclass(frozen=True, eq=False)
@@ -331,6 +414,9 @@ class ConditionedProcess:
     weights: FloatArray  # (run,): it times the values
     coefficients: FloatArray  # (term,): of the trend, by generalised least squares
     variance: float  # that of the process
+    # Mean square of what is left of the values, in units of all their variance, less 1: 0 where the
+    # variance follows from the values.
+    excess: float
     log_determinants: float  # ln det R + ln det HᵀR⁻¹H
 
     @classmethod
@@ -347,7 +433,7 @@ class ConditionedProcess:
         if correlation is None:
             scaled = data.scaled(parameters.lengths)
             correlation = correlations(scaled, scaled, data.smoothness)
-        correlation[np.diag_indices_from(correlation)] += parameters.nugget
+        correlation[np.diag_indices_from(correlation)] += data.nuggets(parameters.nugget)
         factor, fault = linalg.lapack.dpotrf(correlation.T, lower=True, overwrite_a=True)
         if fault:
             return None
@@ -361,6 +447,10 @@ class ConditionedProcess:
         variance = float(data.values @ weights) / (len(data.values) - len(trend))
         if not variance > 0:
             return None
+        excess = 0.0
+        if data.noise is not None:
+            left, variance = variance, data.noise_level / parameters.nugget
+            excess = left / variance - 1
         lower, _ = linalg.lapack.dpotri(factor, lower=True, overwrite_c=True)
         projected = linalg.solve_triangular(trend, by_trend.T, lower=True)
         return cls(
@@ -368,6 +458,7 @@ class ConditionedProcess:
             weights=weights,
             coefficients=coefficients,
             variance=variance,
+            excess=excess,
             log_determinants=float(log_determinant + 2 * np.log(np.diag(trend)).sum()),
         )
 
@@ -387,10 +478,12 @@ def negative_log_likelihood(data: ProcessData, parameters: Parameters) -> tuple[
     if process is None:
         return _SINGULAR, np.zeros(len(parameters.lengths) + 1)
     freedom = len(data.values) - data.trend.shape[1]
-    value = freedom * math.log(process.variance) + process.log_determinants
+    value = freedom * (math.log(process.variance) + process.excess) + process.log_determinants
     change = process.inverse
     change -= np.outer(process.weights, process.weights / process.variance)
     by_nugget = parameters.nugget * np.trace(change)
+    if data.noise is not None:  # a larger nugget is a smaller variance of the process
+        by_nugget = parameters.nugget * (data.noise @ np.diag(change)) + freedom * process.excess
     # A sum over pairs of w (x - x')² is one over points: 2 x² Σ w - 2 x w x'. A point is no pair.
     change *= slopes
     np.fill_diagonal(change, 0.0)
@@ -410,9 +503,12 @@ def likeliest_parameters(data: ProcessData, rng: np.random.Generator) -> Paramet
     is_large = count > FEW_RUNS
     some = data.part(rng.choice(count, FEW_RUNS, replace=False)) if is_large else data
     shifts = np.vstack([np.zeros(inputs), rng.uniform(-1, 1, (_STARTS - 1, inputs))])
+    nuggets: tuple[float, ...] = _START_NUGGETS
+    if data.noise is not None:
+        nuggets = tuple(data.noise_level / each for each in _START_VARIANCES)
     starts = (
         Parameters(2 * math.sqrt(inputs) * np.exp(shift), nugget)
-        for shift, nugget in zip(shifts, _START_NUGGETS, strict=True)
+        for shift, nugget in zip(shifts, nuggets, strict=True)
     )
     found = [improve_parameters(some, start, _FIRST_STEPS) for start in starts]
     best = min(found, key=lambda each: negative_log_likelihood(some, each)[0])
@@ -423,6 +519,9 @@ def improve_parameters(data: ProcessData, start: Parameters, steps: int) -> Para
     """Search from some parameters on, for a number of steps at most."""
     is_free = data.nugget is None
     inputs = len(start.lengths)
+    nuggets = _NUGGETS
+    if data.noise is not None:
+        nuggets = data.noise_level / _VARIANCES[1], data.noise_level / _VARIANCES[0]
 
     def parameters(logarithms: FloatArray) -> Parameters:
         nugget = math.exp(logarithms[-1]) if data.nugget is None else data.nugget
@@ -437,7 +536,7 @@ def improve_parameters(data: ProcessData, start: Parameters, steps: int) -> Para
         np.log([*start.lengths, *[start.nugget] * is_free]),
         jac=True,
         method="L-BFGS-B",
-        bounds=np.log([*[_LENGTHS] * inputs, *[_NUGGETS] * is_free]),
+        bounds=np.log([*[_LENGTHS] * inputs, *[nuggets] * is_free]),
         options={"maxiter": steps, "ftol": _TOLERANCE},
     )
     return parameters(found.x)

@@ -6,7 +6,7 @@ import dataclasses
 import hashlib
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -238,27 +238,37 @@ def predict_output(fit: OutputFit, points: FloatArray, *, with_std: bool = True)
     TypeError, ValueError
         If the fit gives anything but a number for each point, and a standard deviation if any.
     """
-    means, deviations = [np.empty(0)], [np.empty(0)]
-    starts = range(0, len(points), _ROWS)
-    for start in starts:
+    parts = []
+    for start in range(0, len(points), _ROWS):
         some = points[start : start + _ROWS]
         found: object = fit.predict(some) if with_std else Prediction(fit.predict_mean(some))
-        part = _valid_prediction(found, len(some))
-        means.append(part.mean)
-        deviations += [] if part.std is None else [part.std]
-    has_all = len(deviations) == len(means) > 1
-    return Prediction(np.concatenate(means), np.concatenate(deviations) if has_all else None)
+        parts.append(_valid_prediction(found, len(some)))
+    means = np.concatenate([np.empty(0), *(each.mean for each in parts)])
+    return Prediction(
+        means, _joined([each.std for each in parts]), _joined([each.mean_std for each in parts])
+    )
+
+
+def _joined(parts: Sequence[FloatArray | None]) -> FloatArray | None:
+    """Return the deviations of all points; None where some or all points have none."""
+    known = [each for each in parts if each is not None]
+    return np.concatenate(known) if len(known) == len(parts) > 0 else None
 
 
 def _valid_prediction(found: object, points: int) -> Prediction:
     if not isinstance(found, Prediction):
         raise TypeError(f"predict returns an object of class {type(found).__name__}")
-    for label, values in (("mean", found.mean), ("std", found.std)):
-        if values is not None and np.shape(values) != (points,):
+    for label, values in vars(found).items():
+        if values is None:
+            continue
+        if np.shape(values) != (points,):
             raise ValueError(
                 f"predict returns a {label} of shape {np.shape(values)}, not {(points,)}"
             )
-    if found.std is not None and not (np.asarray(found.std) >= 0).all():
-        raise ValueError("predict returns a std that is negative or no number")
-    std = None if found.std is None else np.asarray(found.std, dtype=np.float64)
-    return Prediction(np.asarray(found.mean, dtype=np.float64), std)
+        if label != "mean" and not (np.asarray(values) >= 0).all():
+            raise ValueError(f"predict returns a {label} that is negative or no number")
+    arrays = (
+        None if values is None else np.asarray(values, dtype=np.float64)
+        for values in (found.std, found.mean_std)
+    )
+    return Prediction(np.asarray(found.mean, dtype=np.float64), *arrays)

@@ -66,6 +66,10 @@ class Surrogate(ABC):
         """Yield the problems of fitting it in these inputs."""
         yield from ()
 
+    def check_repeats(self, repeats: int) -> Iterator[Problem]:
+        """Yield the problems of fitting it to points with a number of runs each."""
+        yield from ()
+
     @property
     def needs_quadrature(self) -> bool:
         """True if its design must be an integration rule."""

@@ -85,8 +85,8 @@ def model_groups(
     """Yield the groups of one model: runs, failures, surrogates, statistics, its trajectory.
 
     The first has statistics from the runs of its stand-ins, too; so the runs are those of all
-    models. `whole` are all of them; `runs` are the first at each point, which statistics see that
-    know no repeats.
+    models. `whole` are all of them, which surrogates and statistics of repeats take; `runs` are the
+    first at each point, which statistics see that know no repeats.
     """
     variant, own = study.models[model], runs[model]
     sources: dict[str, _Source] = {}
@@ -97,7 +97,9 @@ def model_groups(
     for name in study.surrogates:
         from uqpen.workflow.surrogate_source import surrogate_source
 
-        fitted, attributes, outputs = surrogate_source(study, model, name, own, steps.start)
+        fitted, attributes, outputs = surrogate_source(
+            study, model, name, whole[model], steps.start
+        )
         sources[name] = attributes, outputs
         for node in fitted.subtree:
             path = f"/{SURROGATES}/{name}{node.path}".rstrip("/")

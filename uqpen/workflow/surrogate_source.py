@@ -8,6 +8,7 @@ import xarray as xr
 
 from uqpen.core.labels import REFUTED, RUN, RUNS_SPENT, SOURCE_KIND, SURROGATE_RECIPE
 from uqpen.core.streams import Stream
+from uqpen.execution import first_repeats, mean_repeats
 from uqpen.models.user_code import error_text
 from uqpen.statistics.analyze import OutputStatistics, all_analyses_but
 from uqpen.statistics.surrogate.corrected_statistics import correct_statistics, correction_evidence
@@ -33,6 +34,8 @@ def surrogate_source(
     study: ValidatedStudy, model: str, name: str, runs: Runs, start_step: Callable[[str, str], None]
 ) -> tuple[xr.DataTree, dict[str, str | int | float], Mapping[str, OutputStatistics]]:
     """Fit a surrogate to its design, and correct its estimates by that and its check design.
+
+    `runs` are all of them, the repeats of points included.
 
     Returned are its group, the attributes of the group of its estimates, and these by output.
     """
@@ -73,7 +76,7 @@ def _surrogate_results(
     surrogate = study.surrogates[name]
     start_step(f"fitting {name}", model)
     fitted = fit_surrogate(surrogate, name, training, variant.model, study.joint, stream)
-    checked = fitted if check is None else fitted.with_check(check)
+    checked = fitted if check is None else fitted.with_check(first_repeats(check))
     again = surrogate.for_refits(fitted.without_fields)
     folds = cross_fit(again, name, training, variant.model, study.joint, stream)
     start_step(f"estimates of {name}", model)
@@ -83,6 +86,7 @@ def _surrogate_results(
     evidence = correction_evidence(draws, folds, training, check, quantities)
     corrected = correct_statistics(found.outputs, evidence, quantities)
     tree = checked.to_tree()
+    training, check = mean_repeats(training), None if check is None else mean_repeats(check)
     refuted = refutations(draws, folds, training, check, tree.children)
     for output, reason in refuted.items():
         tree.children[output].attrs[REFUTED] = reason

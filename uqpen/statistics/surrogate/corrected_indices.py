@@ -24,7 +24,7 @@ from functools import cached_property
 import numpy as np
 
 from uqpen.core.arrays import FloatArray
-from uqpen.core.labels import OF_EXCEEDANCE, OF_LOGARITHM
+from uqpen.core.labels import OF_EXCEEDANCE, OF_LOGARITHM, OF_MEAN
 from uqpen.designs.quasi_monte_carlo import sobol_points
 from uqpen.execution import Evaluator
 from uqpen.statistics import texts
@@ -69,18 +69,21 @@ def corrected_indices(
 ) -> Iterator[Estimate]:
     """Yield the index of each input, between the intervals of its two bounds.
 
+    The squares of the errors of means of repeated runs have noise in them, which no input explains.
+    It is known from the repeats, and taken out.
+
     Parameters
     ----------
     variance : CorrectedMean
-        Of the output.
+        Of the output, or of its mean given the inputs.
     """
-    errors = runs.values - runs.predictions
+    errors = runs.means() - runs.predictions
     errors = errors - errors.mean()
     for values, squares, draws_error in parts.each():
         least = squares[runs.fold] + 2 * errors * values
         share = _Share(runs, variance, draws_error)
         value, lower, _ = share.interval(least)
-        _, _, upper = share.interval(least + errors**2)
+        _, _, upper = share.interval(least + (errors**2 - runs.noise_of_means))
         yield _bracket(value, lower, upper)
 
 
@@ -185,6 +188,7 @@ class IndexedVariable:
     reasons: Mapping[str, str]  # why there are no projections for the other kinds
     function: Function = _itself  # function of the output that the variable is
     is_event: bool = False  # true if the variable is 0 or 1
+    is_of_mean: bool = False  # true if it is the mean of the output given the inputs
 
     @property
     def runs(self) -> CorrectionRuns:
@@ -214,7 +218,9 @@ class IndexedVariables:
         is_log = name in self.draws.model.logarithms
         output = self._variable(name, _itself, runs, is_fitted=not is_log)
         found: dict[str, tuple[IndexedVariable, ...]] = {"": (output,)}
-        if is_log and (runs.values > 0).all():
+        if runs.repeats is not None:
+            found[OF_MEAN] = (replace(output, is_of_mean=True),)
+        if is_log and (runs.every > 0).all():
             found[OF_LOGARITHM] = (self._variable(name, np.log, runs, is_fitted=True),)
         elif is_log:
             found[OF_LOGARITHM] = (IndexedVariable.without(runs, texts.NOT_POSITIVE_IN_RUNS),)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -117,9 +117,10 @@ def tail_allowance(runs: CorrectionRuns) -> Margins:
     meet them. The allowance is the gap that the furthest runs leave, and twice what the surrogate
     has beyond them.
     """
+    values = runs.means()
     return Margins(
-        np.asarray(upper_allowance(runs, -runs.values, -runs.draws)),
-        np.asarray(upper_allowance(runs, runs.values, runs.draws)),
+        np.asarray(upper_allowance(runs, -values, -runs.draws)),
+        np.asarray(upper_allowance(runs, values, runs.draws)),
     )
 
 
@@ -203,7 +204,7 @@ class CorrectedMoments:
     def _mean(self) -> CorrectedMean:
         runs = self.runs
         exact = None if runs.exact_moments is None else runs.exact_moments[:, 0]
-        return corrected_mean(runs, runs.values, runs.predictions, runs.draws, exact)
+        return corrected_mean(runs, runs.means(), runs.predictions, runs.draws, exact)
 
     @cached_property
     def variance(self) -> CorrectedMean:
@@ -212,10 +213,18 @@ class CorrectedMoments:
         if runs.exact_moments is not None:
             means, stds = runs.exact_moments.T
             exact = stds**2 + (means - centre) ** 2
-        values, predictions, draws = (
-            (each - centre) ** 2 for each in (runs.values, runs.predictions, runs.draws)
-        )
-        return corrected_mean(runs, values, predictions, draws, exact)
+        predictions, draws = ((each - centre) ** 2 for each in (runs.predictions, runs.draws))
+        return corrected_mean(runs, self._squares, predictions, draws, exact)
+
+    @property
+    def _squares(self) -> FloatArray:
+        """Mean squares of the runs at each point about the corrected mean, shape (run,)."""
+        return self.runs.means(lambda values: (values - self._mean.value) ** 2)
+
+    @cached_property
+    def variance_of_mean(self) -> CorrectedMean:
+        """The same of the mean given the inputs: without the noise of repeated runs."""
+        return replace(self.variance, influence=self.variance.influence - self.runs.noise)
 
     def mean(self) -> Estimate:
         """Estimate the mean: Student's t over the runs, moved out for rare values beyond them."""
@@ -236,7 +245,7 @@ class CorrectedMoments:
         value = math.sqrt(total)
         if reason := self.heavy_tail or self.hidden_tail:
             return Estimate.without_bounds(value, reason, texts.SEE_QUANTILES)
-        squares, of_draws = ((each - self._mean.value) ** 2 for each in (runs.values, runs.draws))
+        squares, of_draws = self._squares, (runs.draws - self._mean.value) ** 2
         allowance = spacing(squares, runs.weights) + upper_allowance(runs, squares, of_draws)
         margin = found.half_width(runs.level) + allowance + found.missing_margin(runs)
         exponent = margin / (2 * total)

@@ -21,8 +21,10 @@ from uqpen.core.labels import (
     NOTE,
     OF_EXCEEDANCE,
     OF_LOGARITHM,
+    OF_MEAN,
     RANK,
     REFINED_FOR,
+    REPEAT,
     REPLICATE,
     ROUND,
     RUN,
@@ -35,8 +37,14 @@ from uqpen.core.labels import (
 from uqpen.core.lookup import resolve
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
+from uqpen.execution import first_repeats, mean_repeats, repeats_of
 from uqpen.statistics import texts
-from uqpen.statistics.analyze import OutputStatistics, analyze
+from uqpen.statistics.analyze import (
+    OutputStatistics,
+    analyze,
+    analyze_repeats,
+    in_catalogue_order,
+)
 from uqpen.statistics.estimate import LEVEL, Estimate
 from uqpen.statistics.intervals import equivalent_runs
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
@@ -66,7 +74,7 @@ from uqpen.surrogates.fitting import CrossFit
 # The beginning of their names, and their kind.
 _INDICES = {
     f"{prefix}{kind}": (prefix, kind)
-    for prefix in ("", OF_LOGARITHM, OF_EXCEEDANCE)
+    for prefix in ("", OF_LOGARITHM, OF_MEAN, OF_EXCEEDANCE)
     for kind in (FIRST_ORDER, TOTAL_ORDER)
 }
 
@@ -182,6 +190,10 @@ class OutputCorrection:
             on_a_side = min((values == side).sum() for side in (0, 1))
             return "" if on_a_side >= FEWEST_ON_A_SIDE else texts.TOO_ONE_SIDED
         moments = self._moments_of(variable)
+        if variable.is_of_mean:
+            of_mean = moments.variance_of_mean
+            is_hidden = of_mean.value <= of_mean.half_width(self.runs.level)
+            return moments.heavy_tail or (texts.NOISE_HIDES_IT if is_hidden else "")
         has_variance = moments.variance.value > 0
         return moments.heavy_tail or ("" if has_variance else texts.NO_VARIANCE_LEFT)
 
@@ -189,7 +201,10 @@ class OutputCorrection:
         runs, parts = variable.runs, variable.parts[kind]
         if variable.is_event:
             return list(corrected_event_indices(runs, parts))
-        return list(corrected_indices(runs, parts, self._moments_of(variable).variance))
+        moments = self._moments_of(variable)
+        of_mean = variable.is_of_mean
+        variance = moments.variance_of_mean if of_mean else moments.variance
+        return list(corrected_indices(runs, parts, variance))
 
     def _moments_of(self, variable: IndexedVariable) -> CorrectedMoments:
         runs = variable.runs
@@ -256,6 +271,8 @@ def _corrected(
     correction = OutputCorrection(evidence.runs[output], evidence.indexed[output], quantity)
     plain = evidence.plain[output]
     found = {}
+    if correction.runs.repeats is not None:
+        statistics = in_catalogue_order(statistics | _of_mean(statistics))
     for name, array in statistics.items():
         if RANK in array.dims:
             found[name] = _at_ranks(name, array, correction, plain.get(name))
@@ -269,6 +286,17 @@ def _corrected(
             own = array.values[..., 0]
             found[name] = _with_estimates(array, estimates, own, correction, plain.get(name))
     return found
+
+
+def _of_mean(statistics: OutputStatistics) -> OutputStatistics:
+    """Return the surrogate's own indices as those of the mean given the inputs, which it learns."""
+    return {
+        name: statistics[kind].assign_attrs(
+            long_name=f"{statistics[kind].attrs['long_name']}, of its mean given the inputs"
+        )
+        for name, (prefix, kind) in _INDICES.items()
+        if prefix == OF_MEAN and kind in statistics
+    }
 
 
 def _at_ranks(
@@ -466,13 +494,15 @@ def correction_evidence(
     folds : CrossFit
         The fits without a fold each.
     training, check : Dataset
-        Runs of the design that it was fitted to, and of another one, if there is one.
+        Runs of the design that it was fitted to, and of another one, if there is one. Where one
+        of them repeats its points and the other does not, the check runs correct nothing besides.
     """
     fitted = {output.name for output in draws.model.outputs}
     wanted = [each for each in quantities if each.output.name in fitted and not each.output.dims]
     used = [training] if folds.models else []
+    points = mean_repeats(training)
     parts = [
-        FoldFit.of(fit, training.isel({RUN: np.flatnonzero(folds.fold == number)}))
+        FoldFit.of(fit, points.isel({RUN: np.flatnonzero(folds.fold == number)}))
         for number, fit in enumerate(folds.models)
     ]
     # Other check runs are no draws of the distribution of the inputs.
@@ -481,9 +511,10 @@ def correction_evidence(
         check is not None
         and Sampling(check.attrs[SAMPLING]) in drawn
         and WEIGHT not in check.coords
+        and (not used or (REPEAT in check.coords) == (REPEAT in training.coords))
     ):
         used.append(check)
-        parts.append(FoldFit.of(draws.model, check))
+        parts.append(FoldFit.of(draws.model, mean_repeats(check)))
     if not used or not wanted:
         reason = folds.reason or texts.NO_CORRECTING_RUN
         return CorrectionEvidence({}, {each.output.name: reason for each in wanted})
@@ -501,9 +532,18 @@ def correction_evidence(
             for each in wanted
             if (name := each.output.name) in runs
         },
-        analyze(_first_draws(used[0]), wanted),
+        _alone(used[0], wanted),
         any(STOPPING_STATISTICS in each.attrs for each in used),
     )
+
+
+def _alone(
+    runs: xr.Dataset, quantities: Sequence[QuantityOfInterest]
+) -> Mapping[str, OutputStatistics]:
+    """Return the statistics of runs alone."""
+    found = analyze(_first_draws(first_repeats(runs)), quantities)
+    of_all = analyze_repeats(runs, quantities)
+    return {name: each | of_all.get(name, {}) for name, each in found.items()}
 
 
 def _first_draws(runs: xr.Dataset) -> xr.Dataset:
@@ -563,7 +603,12 @@ class _Collected:
         """Return the runs that correct an output."""
         name = quantity.output.name
         sizes = [fold.size for fold in self.folds]
-        values = [fold.completed[name].values.astype(np.float64) for fold in self.folds]
+        repeats = self._repeats(name)
+        if repeats is None:
+            values = [fold.completed[name].values.astype(np.float64) for fold in self.folds]
+        else:
+            first = np.argmin(np.isnan(repeats), axis=1)
+            values = [repeats[np.arange(len(repeats)), first]]
         _, replicate = np.unique(self._points[REPLICATE].values, return_inverse=True)
         return CorrectionRuns(
             np.concatenate(values),
@@ -576,7 +621,21 @@ class _Collected:
             self._exact_moments(name),
             quantity.confidence_level,
             *self._weights(),
+            repeats,
         )
+
+    def _repeats(self, output: str) -> FloatArray | None:
+        """Return all runs at each point, shape (run, repeat); None where they are not repeated."""
+        found = [repeats_of(fold.completed, output) for fold in self.folds]
+        known = [each for each in found if each is not None]
+        if len(known) < len(found):
+            return None
+        most = max(each.shape[1] for each in known)
+        padded = [
+            np.pad(each, ((0, 0), (0, most - each.shape[1])), constant_values=math.nan)
+            for each in known
+        ]
+        return np.concatenate(padded)
 
     def _weights(self) -> tuple[FloatArray | None, FloatArray | None]:
         """Return the weights of completed and of missing runs; None where all are 1."""

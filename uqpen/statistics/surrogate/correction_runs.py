@@ -54,6 +54,9 @@ class CorrectionRuns:
     # density: that of the input distribution over that of their placement. Without them, all are 1.
     weights: FloatArray | None = None
     missing_weights: FloatArray | None = None
+    # (run, repeat): all runs at each point of a design that repeats them, NaN where one has failed.
+    # A run of `values` is then the first of its point.
+    repeats: FloatArray | None = None
 
     def of(self, function: Callable[[FloatArray], FloatArray]) -> CorrectionRuns:
         """Return the runs of a function of the output."""
@@ -64,7 +67,31 @@ class CorrectionRuns:
             draws=function(self.draws),
             missing_predictions=function(self.missing_predictions),
             exact_moments=None,
+            repeats=None if self.repeats is None else function(self.repeats),
         )
+
+    @property
+    def every(self) -> FloatArray:
+        """The values of all runs."""
+        return self.values if self.repeats is None else self.repeats[~np.isnan(self.repeats)]
+
+    def means(self, function: Callable[[FloatArray], FloatArray] = lambda y: y) -> FloatArray:
+        """Return the mean of a function of the output over the runs at each point, shape (run,)."""
+        if self.repeats is None:
+            return function(self.values)
+        return np.asarray(np.nanmean(function(self.repeats), axis=1))
+
+    @cached_property
+    def noise(self) -> FloatArray:
+        """Variance of the runs at each point, shape (run,); 0 where none is repeated."""
+        if self.repeats is None:
+            return np.zeros(self.size)
+        return np.asarray(np.nanvar(self.repeats, axis=1, ddof=1))
+
+    @cached_property
+    def noise_of_means(self) -> FloatArray:
+        """Variance of the noise in the mean of the runs at each point, shape (run,)."""
+        return self.noise / (1 if self.repeats is None else (~np.isnan(self.repeats)).sum(axis=1))
 
     @property
     def size(self) -> int:
@@ -105,9 +132,13 @@ class CorrectionRuns:
 
     @cached_property
     def q2(self) -> float:
-        """Share of the variance that the predictions explain; 0 where there is none."""
-        errors, variance = self.values - self.predictions, float(self.values.var())
-        return 1 - float((errors**2).mean()) / variance if variance > 0 else 0.0
+        """Share of the variance that the predictions explain; 0 where there is none.
+
+        Of repeated runs it is that of the mean given the inputs.
+        """
+        means, noise = self.means(), float(self.noise_of_means.mean())
+        errors, variance = means - self.predictions, float(means.var()) - noise
+        return 1 - (float((errors**2).mean()) - noise) / variance if variance > 0 else 0.0
 
 
 # Predictions of a surrogate at the inputs of failed runs: results that they may have given.
