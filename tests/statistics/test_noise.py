@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import uqpen
+from uqpen.charts.measures import noise_charts
 from uqpen.core.errors import StudyError
 from uqpen.core.sampling import Sampling
 from uqpen.results.archive_view import ArchiveView
@@ -171,6 +172,36 @@ def test_given_points_have_estimates_without_intervals():
     assert math.isnan(share.lower)
 
 
+def test_noise_along_an_input_is_that_of_the_points_there():
+    rng = np.random.default_rng(7)
+    x = rng.random(120)
+    values = 3 * x[:, None] + (0.1 + x[:, None]) * rng.normal(size=(120, 4))
+    found = RepeatedSample.of(points_of(x), values).along(0)
+    ordered = values.var(axis=1, ddof=1)[np.argsort(x)].reshape(4, 30)
+    np.testing.assert_allclose(found.value, np.sqrt(ordered.mean(axis=1)))
+    assert found.upper[0] < found.lower[-1]
+    # Equal values are in one part, and the others have too few points.
+    coin = RepeatedSample.of(points_of(np.repeat([0.0, 1.0], [59, 61])), values).along(0)
+    assert np.isfinite(coin.value).sum() == 2
+    assert {str(each) for each in coin.note[np.isnan(coin.value)]} == {"0 points are too few"}
+
+
+def test_intervals_of_noise_along_inputs_hold_it():
+    model, held = noise_coverage.model("g-function"), []
+    edges = np.arange(6) / 6
+    # Of a deviation 0.3 + 0.9 u, the mean square over a sixth of u.
+    truth = [np.full(6, 0.63), np.full(6, 0.63)]
+    truth.append(((0.3 + 0.9 * (edges + 1 / 6)) ** 3 - (0.3 + 0.9 * edges) ** 3) / 2.7 * 6)
+    for seed in range(15):
+        sample = repeated(model, "200 × 4", seed)
+        for column, squares in enumerate(truth):
+            found = sample.along(column)
+            exact = np.sqrt(squares)
+            held += [*((found.lower <= exact) & (exact <= found.upper))]
+    assert len(held) == 270
+    assert 0.92 <= np.mean(held) <= 0.99
+
+
 MODEL = """
 import numpy as np
 
@@ -219,6 +250,10 @@ def test_an_archive_has_them_where_points_have_several_runs(tmp_path):
     sentences = [*noise_sentences(ArchiveView(tree, ""), "y")]
     assert sentences[0].startswith("Noise of the model is ")
     assert "of the variance of y: runs at the same inputs differ" in sentences[0]
+    assert found.noise_std_along.sizes == {"input_share": 4, "input": 2, "bound": 3}
+    (chart,) = noise_charts(ArchiveView(tree, ""), "y")
+    # It is the same everywhere.
+    assert chart.summary.endswith("which the intervals leave open.")
     checks = uqpen.verify(tmp_path / "noise.nc", trust=True)
     assert not [each for each in checks if each.verdict is CheckOutcome.DIFFERENT]
 

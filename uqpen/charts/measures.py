@@ -23,16 +23,18 @@ from uqpen.charts.marks import (
 )
 from uqpen.core.arrays import FloatArray
 from uqpen.core.catalogue import CATALOGUE, MEASURES
-from uqpen.core.labels import BOUND, CATEGORY, INPUT
+from uqpen.core.labels import BOUND, CATEGORY, INPUT, INPUT_SHARE
 from uqpen.core.statistic import Statistic, UnitRule
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.results.archive_view import ArchiveView
+from uqpen.results.digits import number_text
 from uqpen.results.input_measures import (
     InputOrder,
     index_titles,
     input_label,
     input_order,
     input_ranking,
+    noise_tables,
     without_arbitrary_zeros,
 )
 from uqpen.results.source_statistics import best_sources
@@ -47,6 +49,9 @@ from uqpen.results.texts import capitalized, title_with_unit, unit_suffix
 
 # Inputs of a chart: those with the largest estimates of all.
 _MOST_INPUTS = 15
+# Inputs of a chart of the noise along them.
+_MOST_ALONG = 4
+_PARTS_OF_INPUT = "The parts of an input's values have equal probability: 0.5 is the median."
 # Categories of an output with a chart of their own.
 _MOST_CATEGORIES = 6
 # Reasons for having no interval that are written out below a chart.
@@ -102,6 +107,7 @@ def sensitivity_charts(view: ArchiveView) -> Iterator[Chart]:
     for output in view.numeric_outputs:
         yield from salib_charts(view, output)
         yield from part_charts(view, output)
+        yield from noise_charts(view, output)
 
 
 def response_charts(view: ArchiveView) -> Iterator[Chart]:
@@ -185,6 +191,64 @@ def part_charts(view: ArchiveView, output: str) -> Iterator[Chart]:
                 ),
                 keys=tuple(LegendKey(label, number, "line") for number, label in enumerate(labels)),
                 notes=("The criterion of Cramér and von Mises. It has no interval.",),
+                of=output,
+            )
+
+
+def noise_charts(view: ArchiveView, output: str) -> Iterator[Chart]:
+    """Yield the noise of a model along its inputs, a chart for each source."""
+    tables = dict(noise_tables(view.statistics, output, view.unit(output)))
+    for each in MEASURES["noise"]:
+        convert, unit = view.conversion(output, each), unit_suffix(view.unit(output))
+        for source, array in view.estimates(output, each.name).items():
+            places = array[INPUT_SHARE].values
+            found = {
+                str(name): np.asarray(convert(array.values[:, place]), dtype=np.float64)
+                for place, name in enumerate(array[INPUT].values)
+            }
+            known = [
+                name
+                for name, bounds in found.items()
+                if np.isfinite(bounds[:, 0]).all() and bounds[:, 0].any()
+            ]
+            # The noise changes most along the first ones.
+            known.sort(key=lambda name: -float(np.ptp(found[name][:, 0])))
+            shown = known[:_MOST_ALONG]
+            if not shown or len(places) < 2:
+                continue
+            labels = [input_label(view, name) for name in shown]
+            ordered = found[shown[0]][np.argsort(found[shown[0]][:, 0])]
+            least, most = (f"{number_text(ordered[at, 0], 3)}{unit}" for at in (0, -1))
+            is_clear = ordered[0, 2] < ordered[-1, 1]
+            # Side by side, so that no interval hides another.
+            step = 0.3 / len(places) / len(shown)
+            notes = [*interval_notes([array], ", for each part by itself"), _PARTS_OF_INPUT]
+            if len(shown) < len(found):
+                notes.append(f"Shown are {len(shown)} of {len(found)} inputs.")
+            yield Chart(
+                title=f"Noise along the inputs, by {source}",
+                summary=f"Along {labels[0]} the standard deviation of the noise changes most, from "
+                f"{least} to {most}{'' if is_clear else ', which the intervals leave open'}.",
+                x=Axis("part of the input's values, by its middle", (0.0, 1.0)),
+                y=Axis(title_with_unit(each.measure.label, view.unit(output))),
+                marks=tuple(
+                    Dots(
+                        found[name],
+                        places + (number - (len(shown) - 1) / 2) * step,
+                        number,
+                        name=label,
+                        marker=series_marker(number),
+                        along="y",
+                        is_joined=True,
+                    )
+                    for number, (name, label) in enumerate(zip(shown, labels, strict=True))
+                ),
+                keys=tuple(
+                    LegendKey(label, number, series_marker(number))
+                    for number, label in enumerate(labels)
+                ),
+                notes=tuple(notes),
+                tables=(tables[source],),
                 of=output,
             )
 

@@ -26,6 +26,7 @@ from uqpen.core.labels import (
     EVENT,
     EXCEEDANCE,
     INPUT,
+    INPUT_SHARE,
     INTERVAL,
     INTERVAL_CONTENT,
     INTERVAL_LABEL,
@@ -537,6 +538,16 @@ _STATISTICS = [
     *_indices_of(OF_LOGARITHM, "{title} of the logarithm", "shares of the logarithm"),
     # Nobody estimates the Shapley effects of the mean given the inputs.
     *islice(_indices_of(OF_MEAN, "{title} of the mean given the inputs", "shares of the mean"), 2),
+    Statistic(
+        "noise_std_along",
+        "standard deviation of the noise in a part of an input's values",
+        (INPUT_SHARE, INPUT),
+        UnitRule.DIFFERENCE,
+        group=SENSITIVITY,
+        by={"repeats": f"{_NOISE}:noise_along_inputs"},
+        own=EntryDimension(INPUT_SHARE, is_listed=False),
+        measure=Measure("sd of the noise", "noise", 90, json="noise_along_inputs"),
+    ),
     *_indices_of(
         OF_EXCEEDANCE,
         "{title} of exceeding a value",

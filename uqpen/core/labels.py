@@ -305,6 +305,8 @@ SENSITIVITY_EVENT = "sensitivity_event"
 DESIGN_POINT = "design_point"
 # Dimension of the parts of an output's distribution, each by the probability below its middle.
 OUTPUT_SHARE = "output_share"
+# The same of the parts of an input's distribution.
+INPUT_SHARE = "input_share"
 PERCENT = "percent"
 RUNS_SO_FAR = "runs_so_far"
 # A curve or field of a run, by the number of the run.

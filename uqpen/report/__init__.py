@@ -66,6 +66,13 @@ SECTIONS = {
         absence_note="measures of the inputs' part",
         contents="Sensitivity",
     ),
+    "noise": ReportSection(
+        "Noise of the model",
+        "Runs at the same inputs differ. Where the standard deviation of their noise changes along "
+        "an input, the scatter of the output hangs on it, beside its mean.",
+        "uqpen.report.sections.outputs:noise",
+        contents="Noise",
+    ),
     "scatter": ReportSection(
         "Outputs against inputs",
         "Each point is a run. Points along a line or a bend: the output depends on that input. A "

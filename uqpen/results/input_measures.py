@@ -122,6 +122,20 @@ def named_tables(
             yield "thresholds", _table(f"{output}: {title}", at)
 
 
+def noise_tables(
+    statistics: SourceStatistics, output: str, unit: str
+) -> Iterator[tuple[str, OutputTable]]:
+    """Yield a table of the noise along the inputs by each source, behind the source."""
+    for source, statistic, array in _columns(statistics, output, MEASURES["noise"]):
+        columns = [
+            _Column(str(name), statistic, array[:, place])
+            for place, name in enumerate(array[INPUT].values)
+        ]
+        title = label_with_unit(f"{statistic.measure.label} by {source}", unit)
+        note = "The rows are parts of an input's values, by the probability below their middle."
+        yield source, _table(f"{output}: {title}", columns, unit, note)
+
+
 def _index_tables(
     statistics: SourceStatistics, output: str, shares: VarianceTitles, *, everything: bool
 ) -> Iterator[tuple[str, OutputTable]]:

@@ -45,7 +45,7 @@ from uqpen.results.digits import (
     tolerance_interval_texts,
     tolerance_limit_text,
 )
-from uqpen.results.input_measures import generalized_table, named_tables
+from uqpen.results.input_measures import generalized_table, named_tables, noise_tables
 from uqpen.results.source_statistics import (
     SHOWN,
     SourceStatistics,
@@ -129,6 +129,8 @@ def _model_tables(model: xr.DataTree, *, everything: bool) -> Iterator[OutputTab
         unit = statistics.unit(output)
         measures = named_tables(statistics, output, unit, everything=everything)
         yield from (table for _, table in measures)
+        if everything:
+            yield from (table for _, table in noise_tables(statistics, output, unit))
     yield from group_tables(model, is_of_model=True)
 
 

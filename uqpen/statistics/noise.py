@@ -20,7 +20,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
-from uqpen.core.labels import OF_MEAN
+from uqpen.core.labels import INPUT, INPUT_SHARE, OF_MEAN
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.input_columns import InputColumns
@@ -35,7 +35,11 @@ from uqpen.statistics.sample import (
     SampleShape,
 )
 from uqpen.statistics.sensitivity.given_data import LocalRegressions, SampledVariable, VarianceParts
-from uqpen.statistics.sensitivity.input_measures import input_array, reason_of_input
+from uqpen.statistics.sensitivity.input_measures import (
+    input_array,
+    input_coordinate,
+    reason_of_input,
+)
 from uqpen.statistics.sensitivity.local_regression import ResidualVariance
 from uqpen.statistics.standard_errors import mean_margins, standard_error
 
@@ -43,6 +47,8 @@ from uqpen.statistics.standard_errors import mean_margins, standard_error
 ENOUGH_POINTS = 100
 # With fewer points there are no indices: with 40 points they covered in 43 to 90 %.
 _FEWEST_POINTS = 48
+# Parts of an input's values, each with some points at least, in which the noise is shown.
+_MOST_PARTS, _POINTS_OF_PART = 10, 30
 
 
 class VariancePart(NamedTuple):
@@ -263,6 +269,28 @@ class RepeatedSample:
         found = SampledVariable(self.means).estimates(parts, halved)
         return self._by_fieller(found, parts) if is_of_mean else found
 
+    def along(self, column: int) -> Estimate:
+        """Estimate the deviation of the noise in parts of an input's values, shape (part,).
+
+        The parts are of equal probability. Equal values are in one part.
+        """
+        parts = min(max(self.means.size // _POINTS_OF_PART, 1), _MOST_PARTS)
+        if self.means.columns.is_coded(column):
+            return Estimate.without_bounds(np.full(parts, math.nan), texts.CODES_WITHOUT_ORDER)
+        ranks = self.means.run_inputs.ordering(column).mean_ranks
+        number = np.ceil(ranks * parts / self.means.size).astype(np.int64) - 1
+        found = []
+        for part in range(parts):
+            at = number == part
+            if np.count_nonzero(at) < _POINTS_OF_PART:
+                few = texts.TOO_FEW_POINTS.format(points=np.count_nonzero(at))
+                found.append(Estimate.without_bounds(math.nan, few))
+                continue
+            value = float(self.scatter[at].mean())
+            influence = np.where(at, self.scatter - value, 0.0) / at.mean()
+            found.append(self.root(VariancePart(value, influence)))
+        return Estimate.stacked(found)
+
     def _lines(self, column: int, *, halved: bool = False) -> ResidualVariance:
         """Return the points' means about the lines of an input's bins, which both indices need."""
         key = column, halved
@@ -359,3 +387,37 @@ def first_order_with_noise(
         long_name = f"first-order Sobol' indices of {of}"
         array = input_array(found, inputs, long_name, level=sample.means.level)
         yield f"{prefix}first_order", array
+
+
+def noise_along_inputs(
+    sample: RepeatedSample, quantity: QuantityOfInterest
+) -> Iterator[tuple[str, xr.DataArray]]:
+    """Noise of a model by where an input is, from points whose runs were repeated.
+
+    Yields
+    ------
+    name : str
+        ``noise_std_along``, the standard deviation of the noise.
+    estimate : DataArray
+        Along ``input_share``, ``input`` and ``bound``: in parts of equal probability of each input,
+        by the probability below their middle.
+    """
+    inputs, title = sample.means.inputs, quantity.output.title
+    if quantity.output.categories or not inputs or not sample.means.size:
+        return
+    found = Estimate.stacked([sample.along(column) for column in range(len(inputs))])
+    parts = len(found.value)
+    yield (
+        "noise_std_along",
+        found.replace_at(found.has_bounds, found.with_method(texts.CLUSTERS)).to_array(
+            INPUT_SHARE,
+            INPUT,
+            units=quantity.output.unit,
+            long_name=f"standard deviation of the noise of {title} in parts of an input's values",
+            coordinates={
+                INPUT_SHARE: (np.arange(parts) + 0.5) / parts,
+                **input_coordinate(inputs),
+            },
+            level=sample.means.level,
+        ),
+    )

@@ -27,6 +27,7 @@ from uqpen.charts.measures import (
     category_series,
     effect_charts,
     index_charts,
+    noise_charts,
     part_charts,
     responses,
     salib_charts,
@@ -219,6 +220,13 @@ def _measure_blocks(view: ArchiveView, output: str) -> Iterator[Block]:
             not cell.startswith(NOTHING) for _, cells in table.rows for cell in cells
         ):
             yield Table(table, is_folded=True)
+
+
+def noise(view: ArchiveView) -> Iterator[Block]:
+    """Yield the noise of each output along the inputs."""
+    yield from output_blocks(
+        view, {output: noise_charts(view, output) for output in view.numeric_outputs}
+    )
 
 
 def _categorical_output_blocks(view: ArchiveView, output: str) -> Iterator[Block]:
