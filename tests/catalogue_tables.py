@@ -10,13 +10,17 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
-from uqpen.core.catalogue import CATALOGUE, DIMENSIONS, JOINT_STATISTICS
+from uqpen.core.catalogue import BOUND_STATISTICS, CATALOGUE, DIMENSIONS, JOINT_STATISTICS
 from uqpen.core.statistic import Statistic
 
 PAGE = Path(__file__).parents[1] / "docs" / "archive.md"
 # Each table stands between two such lines, by the name of its records.
 _MARK = "<!-- {name}: from the records of uqpen/core/catalogue.py -->\n"
-TABLES = {"statistics": CATALOGUE, "joint statistics": JOINT_STATISTICS}
+TABLES = {
+    "statistics": CATALOGUE,
+    "joint statistics": JOINT_STATISTICS,
+    "bound statistics": BOUND_STATISTICS,
+}
 
 
 def statistics_table(statistics: Iterable[Statistic]) -> str:

@@ -56,14 +56,19 @@ class Interrupted(Progress):
 
 
 def check_interruptions_and_workers(
-    folder: Path, design: str, stops: Iterable[int], depth: str = "a + b"
+    folder: Path,
+    design: str,
+    stops: Iterable[int],
+    depth: str = "a + b",
+    b: str = '"0 ± 1"',
 ) -> None:
     """Check that neither changes a byte of the archive; `design` is its table in the file."""
+    text = STUDY.replace('b = "0 ± 1"', f"b = {b}") + design
 
     def archive(name: str, stop: int | None = None, **options: Any) -> bytes:
         (folder / name).mkdir()
         (folder / name / "model.py").write_text(MODEL.replace("DEPTH", depth))
-        (folder / name / "study.toml").write_text(STUDY + design)
+        (folder / name / "study.toml").write_text(text)
         study, path = uqpen.load_study(folder / name / "study.toml"), folder / name / "study.nc"
         if stop is not None:
             (folder / name / f"stop_{stop}").touch()

@@ -92,10 +92,10 @@ def _made(kind, folder):
 # A multifidelity design needs several models: see `test_stand_ins`. Designs for a rare event
 # have that in place of estimates of outputs: see `test_rare_events`, `test_importance_sampling`,
 # `test_form` and `test_active_learning`. The designs of SALib have analyses of their own: see
-# `test_salib_analyses`.
+# `test_salib_analyses`, and bounds over intervals a test of their own: see `test_interval_bounds`.
 RARE_EVENTS = {"subset-simulation", "importance-sampling", "form", "active-learning"}
 OF_SALIB = {kind for kind in DESIGNS if kind.startswith("salib:")}
-ELSEWHERE = {"data", "multifidelity"} | RARE_EVENTS | OF_SALIB
+ELSEWHERE = {"data", "multifidelity", "interval-bounds"} | RARE_EVENTS | OF_SALIB
 
 
 @pytest.mark.parametrize("kind", sorted(DESIGNS.keys() - ELSEWHERE))

@@ -152,6 +152,7 @@ DESIGN_TABLES = {
     "form": 'event = "y > 5"',
     "importance-sampling": 'event = "y > 5"\nsamples = 200\nreplicates = 3',
     "table": 'file = "points.csv"',
+    "interval-bounds": 'events = ["y > 5"]\npilot = 50\nruns = 30',
 }
 
 
@@ -165,7 +166,7 @@ def test_the_runs_of_each_kind_of_design_are_the_same_by_parts(kind, tmp_path):
         [inputs]
         x1 = "0 ± 1"
         x2 = "0 ± 1"
-        x3 = "0 ± 1"
+        x3 = {"{ interval = [-1, 1] }" if kind == "interval-bounds" else '"0 ± 1"'}
         [designs.one]
         kind = "{kind}"
         {DESIGN_TABLES[kind]}

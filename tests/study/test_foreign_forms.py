@@ -67,7 +67,7 @@ def test_a_word_of_other_programs_is_met_with_the_one_here(path, word, here, tmp
     [
         ("2 +/- 0.1 m", '"(2 ± 0.1) m" if'),
         ("2 m to 3 m", '{ uniform = { lower = "2 m", upper = "3 m" } } if all values between'),
-        ("2 m to 3 m", "an interval, of which nothing but the ends is known"),
+        ("2 m to 3 m", '{ interval = ["2 m", "3 m"] } if nothing but the ends is known'),
         ("50 % ± 5 %", '"(50 ± 5) %", or "(50 ± 2.5) %" if it is a share of the mean'),
         ("2 m ± 1 s", "a length, such as"),
         ("2 - 3 m", '{ uniform = { lower = "2 m", upper = "3 m" } }'),

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from uqpen.core.catalogue import (
+    BOUND_STATISTICS,
     CATALOGUE,
     FAILURE_STATISTICS,
     JOINT_STATISTICS,
@@ -14,6 +15,7 @@ from uqpen.core.catalogue import (
 )
 from uqpen.core.labels import (
     BENCHMARK,
+    BOUNDS_GROUP,
     DIFFERENCES,
     FAILURES_GROUP,
     FILES,
@@ -92,6 +94,14 @@ GROUPS: Mapping[str, Group] = {
         writer="uqpen.workflow.model_groups:joint_statistics",
         tables="uqpen.results.joint_probabilities:joint_tables",
         json="uqpen.results.joint_probabilities:joint_json",
+        rank=1,
+    ),
+    BOUNDS_GROUP: Group(
+        levels=("design",),
+        statistics=BOUND_STATISTICS,
+        writer="uqpen.workflow.model_groups:bound_statistics",
+        tables="uqpen.results.found_bounds:bound_tables",
+        json="uqpen.results.found_bounds:bound_json",
         rank=1,
     ),
     SURROGATES: Group(

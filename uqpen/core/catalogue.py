@@ -15,6 +15,7 @@ from types import MappingProxyType
 
 from uqpen.core.labels import (
     BAND_CONTENT,
+    BOUNDED_EVENT,
     BOUNDS,
     BUDGET,
     BY_RUNS,
@@ -118,6 +119,22 @@ _OF_VALUES = [
         },
         takes_weights=True,
         is_of_surrogates=True,
+    ),
+    Statistic(
+        "lower_mean",
+        "lower bound of the mean over the intervals",
+        unit=UnitRule.VALUE,
+        note_is_of_estimate=True,
+        shown=Shown("mean, lower bound", 30, rank=21),
+        group=MOMENTS,
+        by={Sampling.TOWARDS_BOUNDS: "uqpen.statistics.interval_bounds:mean_bounds"},
+    ),
+    Statistic(
+        "upper_mean",
+        "upper bound of the mean over the intervals",
+        unit=UnitRule.VALUE,
+        note_is_of_estimate=True,
+        shown=Shown("mean, upper bound", 31),
     ),
     Statistic(
         "std",
@@ -822,6 +839,21 @@ JOINT_STATISTICS = _by_name(
     ]
 )
 
+# Bounds over intervals: of means beside other statistics of the output, of events by themselves.
+BOUND_STATISTICS = _by_name(
+    [
+        Statistic(
+            f"{end}_probability",
+            f"{end} bound of the probability of an event",
+            (BOUNDED_EVENT,),
+            note_is_of_estimate=True,
+            own=EntryDimension(BOUNDED_EVENT, "text"),
+            shown=Shown(f"P({{entry}}), {end} bound"),
+        )
+        for end in ("lower", "upper")
+    ]
+)
+
 # Shares of the variance over several models, which count the same.
 _MODEL_FORM_SHARES = [
     Statistic(name, title, shown=Shown(label))
@@ -893,6 +925,7 @@ _ALL = (
     *CATALOGUE.values(),
     *FAILURE_STATISTICS.values(),
     *JOINT_STATISTICS.values(),
+    *BOUND_STATISTICS.values(),
     *MODEL_FORM_STATISTICS.values(),
 )
 

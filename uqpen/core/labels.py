@@ -69,6 +69,19 @@ SEARCH_ORIGIN = "search_origin"
 MOVED_AXIS = "moved_axis"
 # Distance of a run from the median of all inputs, in standard normal space.
 NORMAL_DISTANCE = "normal_distance"
+# Of an input known by an interval: its ends, in the SI unit.
+INTERVAL_ENDS = "interval_ends"
+# Of a design for bounds over intervals: the events and the outputs whose means are bounded. Of each
+# run the number of the search that has led to it (0 before the first), the number of the event or
+# mean (-1 before the first search), which of its bounds (-1 the lower, 1 the upper), and what the
+# polynomial of the search predicts: how far the run is beyond the limit, or the output itself, in
+# standard deviations of the output before the first search.
+BOUNDED_EVENTS = "bounded_events"
+BOUNDED_MEANS = "bounded_means"
+BOUND_SEARCH = "bound_search"
+BOUNDED_QUANTITY = "bounded_quantity"
+BOUND_END = "bound_end"
+PREDICTED_DISTANCE = "predicted_distance"
 # Of the runs of a design: the surrogate that has placed those after the first round.
 REFINED_FOR = "refined_for"
 INPUT = "input"
@@ -118,6 +131,7 @@ RUNS = "runs"
 STATISTICS_GROUP = "statistics"
 FAILURES_GROUP = "failures"
 JOINT_GROUP = "joint_probabilities"
+BOUNDS_GROUP = "bounds"
 # Kind of a source (a design, a surrogate or a publication), and the citation of a publication.
 SOURCE_KIND = "kind"
 CITED = "cited"
@@ -266,6 +280,7 @@ RESERVED = frozenset(
         *(SUBSET_LEVEL, CHAIN_PARENT, LEVEL_THRESHOLD, SAMPLING_STAGE, MIXTURE_COMPONENT),
         *(DENSITY_RATIO, SEARCH_START, SEARCH_ORIGIN, MOVED_AXIS, NORMAL_DISTANCE),
         *(CORRECTION_WEIGHT, SEARCH_WEIGHT, PREDICTED_EVENT, PREDICTION_ERROR),
+        *(BOUND_SEARCH, BOUNDED_QUANTITY, BOUND_END, PREDICTED_DISTANCE),
         *(SURROGATE_PROBABILITY, SURROGATE_PROBABILITY_ERROR, STATUS, FAILED_RUN, FAILURE_REASON),
         *(BOUND, INPUT, RANK, PRINCIPAL_COMPONENT),
     )
@@ -297,6 +312,8 @@ THRESHOLD = "threshold"
 # A threshold to lie below; the thresholds to exceed may be others.
 LOWER_THRESHOLD = "lower_threshold"
 CATEGORY = "category"
+# An event whose probability has bounds over intervals.
+BOUNDED_EVENT = "bounded_event"
 # An event of several outputs.
 EVENT = "event"
 # An event whose sensitivities to the inputs' distributions a study requests.

@@ -25,6 +25,9 @@ class Sampling(StrEnum):
 
     TOWARDS_EVENT = "towards an event"
     """Replicates of points that move towards a rare event, for its probability; no sample."""
+    TOWARDS_BOUNDS = "towards bounds"
+    """Points over random inputs and intervals, then at the bounds that a search found; no sample.
+    """
     SEARCH_CURVES = "search curves"
     """Curves through the inputs' space, along which each input has a frequency; no sample."""
     FINITE_DIFFERENCES = "finite differences"

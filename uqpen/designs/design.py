@@ -109,6 +109,9 @@ class Design(ABC):
     unordered_reason: ClassVar[str] = ""
     """Reason why its inputs cannot be labels, which have no order; empty if they can."""
 
+    takes_intervals: ClassVar[bool] = False
+    """True if it gives inputs that are intervals their values."""
+
     needs_numbers: ClassVar[bool] = False
     """True if its points follow numbers that every completed run must have."""
 
@@ -175,6 +178,10 @@ class Design(ABC):
         costs : mapping of str to float
             Cost of a run of the first model and of each that stands for it, relative to the first.
         """
+        yield from ()
+
+    def remarks(self, joint: JointDistribution) -> Iterator[str]:
+        """Yield what the summary of a study says of it, in a line each."""
         yield from ()
 
     def samples_inputs(self, joint: JointDistribution) -> bool:

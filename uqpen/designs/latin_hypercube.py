@@ -113,14 +113,14 @@ class LatinHypercube(ReplicatedDesign):
 
     def draw(self, rng: np.random.Generator, points: int, dimension: int) -> FloatArray:
         if self.optimization == "none":
-            return _hypercube(rng, points, dimension)
+            return hypercube(rng, points, dimension)
         # Imported here: this part of SciPy takes longer to load than the rest.
         from scipy.stats import qmc
 
         return qmc.LatinHypercube(dimension, rng=rng, optimization=self.optimization).random(points)
 
 
-def _hypercube(rng: np.random.Generator, points: int, dimension: int) -> FloatArray:
+def hypercube(rng: np.random.Generator, points: int, dimension: int) -> FloatArray:
     """Draw the points of `scipy.stats.qmc.LatinHypercube`, in half its time and a third of memory.
 
     SciPy copies the generator, which takes longer than a small hypercube, and holds three further

@@ -160,6 +160,9 @@ def repeat_problem(design: Design) -> tuple[str, str] | None:
     if design.sampling is Sampling.TOWARDS_EVENT:
         expected = "no repeats: the method draws inputs and noise together, each run once"
         return "repeats in a search for a rare event", expected
+    if design.sampling is Sampling.TOWARDS_BOUNDS:
+        expected = "no repeats: runs at the bounds draw inputs and noise together, each once"
+        return "repeats in a search for bounds", expected
     if design.ends_early:
         expected = "a fixed number of points beside repeats"
         return "repeats of a design that decides its own number of runs", expected

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from graphlib import TopologicalSorter
 from itertools import combinations
@@ -19,6 +19,7 @@ from uqpen.core.labels import (
     DEPENDENCE,
     DERIVED_FROM,
     DERIVED_INPUT,
+    INTERVAL_ENDS,
     ROLE,
     RUN,
 )
@@ -27,6 +28,7 @@ from uqpen.core.variables import label_attributes
 from uqpen.distributions.copulas import Dependence
 from uqpen.distributions.distribution import OPEN_INTERVAL, Distribution, UnloadedDistribution
 from uqpen.distributions.input_group import InputGroup
+from uqpen.distributions.univariate import Uniform
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -83,6 +85,22 @@ class DerivedInput:
 
 
 @dataclass(frozen=True)
+class IntervalInput:
+    """An input with two known ends, in its SI unit, and no distribution."""
+
+    variable: Input
+    lower: float
+    upper: float
+    display_unit: str
+    description: str = ""  # the interval as its author wrote it
+
+    @property
+    def nominal(self) -> float:
+        """Middle of the interval."""
+        return (self.lower + self.upper) / 2
+
+
+@dataclass(frozen=True)
 class JointDistribution:
     """Joint distribution of a study's inputs, in the model's order.
 
@@ -91,7 +109,7 @@ class JointDistribution:
     """
 
     # At most one of each name.
-    inputs: tuple[FixedInput | RandomInput | DerivedInput, ...]
+    inputs: tuple[FixedInput | RandomInput | DerivedInput | IntervalInput, ...]
     # All inputs of the model: a table of points may give some that the study does not.
     variables: tuple[Input, ...]
     # The copula of some of the random inputs; the others are independent.
@@ -109,6 +127,23 @@ class JointDistribution:
     def random(self) -> tuple[RandomInput, ...]:
         """The inputs with a distribution."""
         return tuple(entry for entry in self.inputs if isinstance(entry, RandomInput))
+
+    @property
+    def intervals(self) -> tuple[IntervalInput, ...]:
+        """The inputs that are known by an interval; together these are a box."""
+        return tuple(entry for entry in self.inputs if isinstance(entry, IntervalInput))
+
+    def over_box(self) -> JointDistribution:
+        """Return the joint distribution with intervals as uniform inputs, for a search alone."""
+        return replace(
+            self,
+            inputs=tuple(
+                RandomInput(each.variable, Uniform(each.lower, each.upper), each.display_unit)
+                if isinstance(each, IntervalInput)
+                else each
+                for each in self.inputs
+            ),
+        )
 
     @cached_property
     def derived(self) -> tuple[DerivedInput, ...]:
@@ -171,11 +206,12 @@ class JointDistribution:
         return tuple(name for group in self.groups if not group.marginals for name in group.inputs)
 
     def nominal(self) -> dict[str, float]:
-        """Return one value for each input: the fixed one, or the median.
+        """Return one value for each input: the fixed one, the median, or the middle of an interval.
 
         An input whose distribution is not loaded has none.
         """
-        entries: Iterable[FixedInput | RandomInput] = (*self.fixed, *self.random)
+        entries: Iterable[FixedInput | RandomInput | IntervalInput]
+        entries = (*self.fixed, *self.random, *self.intervals)
         found = {
             entry.variable.name: np.array(entry.nominal)
             for entry in entries
@@ -274,6 +310,10 @@ def points_dataset(
         {name: np.array(each) for name, each in fixed.items()} | dict(values)
     )
     fits = {entry.variable.name: entry.fit for entry in joint.random}
+    ends = {
+        each.variable.name: {INTERVAL_ENDS: np.array([each.lower, each.upper])}
+        for each in joint.intervals
+    }
     variables: dict[str, Any] = {}
     # One of several models may not take an input, which is described all the same.
     for variable in joint.variables:
@@ -284,6 +324,7 @@ def points_dataset(
             "units": variable.unit,
             "display_units": variable.preferred_unit,
             **fits.get(name, {}),
+            **ends.get(name, {}),
             **label_attributes(variable),
         }
         if name in derived and name in of_all and name not in values:

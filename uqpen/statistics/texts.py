@@ -410,6 +410,16 @@ LARGER_IF_FAILED = "probability that an input {is_larger} in a failed run than i
 END_OF_FAILED = "{end} value of each input among the failed runs, in SI units"
 SEPARATED = "the failed runs are completely separated from the others"
 
+# Bounds over intervals.
+FOUND_BOUND = "{which} found by a search, at {at}"
+PEAK_BETWEEN_RUNS = "peaks narrower than {gap:.2g} % of an interval can lie between its runs"
+UNPREDICTED_BOUND = (
+    "no bounds: the polynomial of the search leaves {share:.3g} % of the output's variance at its "
+    "optimum (at most {most:g} %), so others may be missed; the widest gap between its runs is "
+    "{gap:.2g} % of an interval"
+)
+NO_POLYNOMIAL_OF_BOX = "no bounds: no polynomial could be fitted to the runs of the search"
+
 # Publications.
 PUBLISHED = "published in {source}"
 PUBLISHED_NOISE = "scatter of {runs} independent runs as seen here, and the rounding of the print"

@@ -67,7 +67,7 @@ SECTIONS: Mapping[str, Section] = {
         field="joint_events",
     ),
     "designs": Section(
-        expected="at least one [designs.<name>]", lines="uqpen.study.summary:kept_lines", rank=3
+        expected="at least one [designs.<name>]", lines="uqpen.study.summary:design_lines", rank=3
     ),
     "surrogates": Section(),
     "published": Section(reader="uqpen.study.outputs_section:read_published", field="published"),

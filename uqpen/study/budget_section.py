@@ -162,6 +162,9 @@ def plan_budget(
     if not joint.random:
         found = "a plan of runs over inputs that are all fixed"
         expected = 'a random input, such as "(2.5 ± 0.1) m" or { uniform = { … } }'
+    elif joint.intervals:
+        found = f"a plan of runs over {joint.intervals[0].variable.name}, which is an interval"
+        expected = 'a design of kind "interval-bounds", which states its runs'
     elif runs < FEWEST_RUNS:
         found = f"{budget} runs of {len(models)} models"
         expected = f"{FEWEST_RUNS * len(models)} or more: {FEWEST_RUNS} runs of each model"

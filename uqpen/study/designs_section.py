@@ -42,6 +42,12 @@ _VALID = (
     "Shapley effects, which divide the shared part, follow from a surrogate"
 )
 
+_OF_INTERVALS = (
+    'kind = "interval-bounds", which gives bounds; or the model at each of its ends, by '
+    "[models.<name>] with = {{ {name} = … }}; or a distribution, which is another statement and "
+    "has one answer, maybe far from both bounds"
+)
+
 # What decides the number of runs; which designs have it, and why no other.
 _RULES = {
     "until": 'kind = "monte-carlo", "latin-hypercube", "sobol-sequence" or "halton": intervals of '
@@ -223,7 +229,13 @@ def check_designs(table: TableReader, designs: dict[str, Design], joint: JointDi
             continue
         if not joint.random:
             expected = 'a random input, such as "(2.5 ± 0.1) m" or { uniform = { … } }'
-            table.add_problem(name, "a design over inputs that are all fixed", expected)
+            which = "fixed or intervals" if joint.intervals else "all fixed"
+            table.add_problem(name, f"a design over inputs that are {which}", expected)
+        elif joint.intervals and not design.takes_intervals:
+            kind = toml_text(table.content[name]["kind"])
+            interval = joint.intervals[0].variable.name
+            found = f"{kind} over {interval}, an interval, which has no distribution"
+            table.add_problem((name, "kind"), found, _OF_INTERVALS.format(name=interval))
         elif design.assumes_independence and not joint.is_independent:
             kind = toml_text(table.content[name]["kind"])
             where = "[dependence]" if joint.dependence else "[joint]"

@@ -20,7 +20,7 @@ from uqpen.core.formulas import Formula, names_in, parse_formula
 from uqpen.core.lookup import choices, nearest, resolve
 from uqpen.core.model import Input, Model
 from uqpen.core.quantities import parse_quantity, parse_spread
-from uqpen.core.settings import declared_settings, file, text
+from uqpen.core.settings import declared_settings, file, read_list, text
 from uqpen.core.streams import Stream
 from uqpen.core.units import ANY_DIMENSION, DIMENSIONLESS, NUMBER, are_convertible, describe, scale
 from uqpen.distributions import DISTRIBUTIONS
@@ -40,6 +40,7 @@ from uqpen.distributions.input_group import (
 from uqpen.distributions.joint_distribution import (
     DerivedInput,
     FixedInput,
+    IntervalInput,
     JointDistribution,
     RandomInput,
 )
@@ -158,6 +159,8 @@ _LONGEST_FORM = 100
 _NAMING = ("distribution", "dist", "type", "kind", "family", "name")
 # The key that stands where the name of a distribution would.
 MEASURED = "measured"
+# The key of the ends of an input that has no distribution.
+INTERVAL = "interval"
 # The key of a list of distributions, and that of the probability of each.
 MIXTURE, _WEIGHT = "mixture", "weight"
 
@@ -278,7 +281,7 @@ def _fit(
     return None
 
 
-Entry = FixedInput | RandomInput | DerivedInput
+Entry = FixedInput | RandomInput | DerivedInput | IntervalInput
 
 # The ends of a truncated distribution, and their names in its description.
 _FAMILIES = (*DISTRIBUTIONS, MIXTURE, MEASURED, *LIBRARIES)
@@ -418,8 +421,9 @@ def _conditional_group(
     of_them = {name: each for part in parts.values() for name, each in _named_by(part, entries)}
     for name, part in parts.items():
         for source, entry in _named_by(part, entries):
-            if source in groups.owners or isinstance(entry, DerivedInput):
+            if source in groups.owners or isinstance(entry, DerivedInput | IntervalInput):
                 why = "follows from others" if isinstance(entry, DerivedInput) else "is in [joint]"
+                why = "is an interval" if isinstance(entry, IntervalInput) else why
                 expected = "formulas of inputs with a value or a distribution of their own"
                 table.add_problem(name, f"a parameter of {source}, which {why}", expected)
     is_clear = all(each is not None or name in parts for name, each in of_them.items())
@@ -521,8 +525,47 @@ def _read_input(table: TableReader, variable: Input, stream: Stream) -> Entry | 
     value = table.take(variable.name)
     if isinstance(value, dict):
         section = table.inside(value, variable.name)
+        if INTERVAL in value:
+            return _read_interval(section, variable)
         return _read_random_input(section, variable, stream)
     return (_read_label if variable.labels else _read_number)(table, variable, value)
+
+
+def _read_interval(table: TableReader, variable: Input) -> IntervalInput | None:
+    """Read an input with two known ends and no distribution, from ``{ interval = [a, b] }``."""
+    for key in [each for each in table if each != INTERVAL]:
+        table.take(key)
+        found = "a limit or a distribution beside an interval"
+        table.add_problem(key, found, "the ends alone: nothing else is known of the input")
+    written = table.take(INTERVAL)
+    if variable.labels:
+        found = "an interval of labels, which have no order"
+        table.add_problem(INTERVAL, found, "a choice among them, or one of them")
+        return None
+    try:
+        ends = read_list(written, lambda end: parse_quantity(end, variable.unit))
+    except (SettingsError, QuantityError) as error:
+        table.add_problems(error.problems, INTERVAL)
+        return None
+    values = [end.value for end in ends]
+    if variable.unit is ANY_DIMENSION:
+        return None
+    if len(ends) != 2 or not values[0] < values[1]:
+        expected = 'two ends, the lower one first, such as ["2 m", "3 m"]'
+        table.add_problem(INTERVAL, ", ".join(map(str, written)) or "no end", expected)
+        return None
+    for place, value in enumerate(values):
+        if not variable.bounds.contain(np.array(value)):
+            table.add_wrong((INTERVAL, place), written[place], _allowed(variable))
+            return None
+    text = f"interval, {written[0]} to {written[1]}; no more is known of it"
+    return IntervalInput(variable, values[0], values[1], ends[0].unit, text)
+
+
+def _allowed(variable: Input) -> str:
+    """Return the values that an input can have, for a message."""
+    where = "" if variable.unit == DIMENSIONLESS else f" {variable.unit}"
+    return f"a value {variable.bounds}{where}"
 
 
 def _read_number(
@@ -535,8 +578,7 @@ def _read_number(
             quantity = parse_quantity(value, variable.unit)
             if variable.bounds.contain(np.array(quantity.value)):
                 return FixedInput(variable, quantity.value, quantity.unit)
-            where = "" if variable.unit == DIMENSIONLESS else f" {variable.unit}"
-            table.add_wrong(variable.name, value, f"a value {variable.bounds}{where}")
+            table.add_wrong(variable.name, value, _allowed(variable))
             return None
         normal = Normal(spread.mean, spread.std)
         if _is_usable(table, variable.name, normal):
@@ -616,15 +658,19 @@ def _form_here(value: object) -> str:
 def _between(lower: float, upper: float, unit: str) -> str:
     """Return both meanings of a range."""
     return (
-        f"{_uniform(lower, upper, unit)} if all values between them are equally likely; "
-        "an interval, of which nothing but the ends is known, is no distribution, and a study "
-        "cannot state it yet"
+        f"{_uniform(lower, upper, unit)} if all values between them are equally likely, or "
+        f"{{ interval = [{', '.join(_written_ends(lower, upper, unit))}] }} if nothing but the "
+        "ends is known: the first gives one answer, the second bounds"
     )
 
 
 def _uniform(lower: float, upper: float, unit: str) -> str:
-    ends = [f'"{end:.6g} {unit}"' if unit else f"{end:.6g}" for end in (lower, upper)]
+    ends = _written_ends(lower, upper, unit)
     return f"{{ uniform = {{ lower = {ends[0]}, upper = {ends[1]} }} }}"
+
+
+def _written_ends(lower: float, upper: float, unit: str) -> list[str]:
+    return [f'"{end:.6g} {unit}"' if unit else f"{end:.6g}" for end in (lower, upper)]
 
 
 def _read_random_input(table: TableReader, variable: Input, stream: Stream) -> RandomInput | None:

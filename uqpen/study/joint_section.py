@@ -504,10 +504,12 @@ def _input_names(table: TableReader, inputs: Inputs) -> list[Any]:
     random = _possibly_random(inputs)
     labelled = {entry.variable.name for entry in inputs.joint.random if entry.variable.labels}
     fixed = [entry.variable.name for entry in inputs.joint.fixed]
+    intervals = [entry.variable.name for entry in inputs.joint.intervals]
     names = table.entries("inputs")
     for position, name in enumerate(names):
         if name not in random:
             found = f"{toml_text(name)}{', an input that is fixed' * (name in fixed)}"
+            found += ", an interval, which has no distribution" * (name in intervals)
             expected = f"a random input; {choices(str(name), random)}"
             table.add_problem(("inputs", position), found, expected)
         elif name in labelled:

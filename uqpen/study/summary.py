@@ -183,9 +183,10 @@ def failure_lines(study: ValidatedStudy) -> Iterator[str]:
         yield f"the study stops if more than {share} of a design's runs fail"
 
 
-def kept_lines(study: ValidatedStudy) -> Iterator[str]:
-    """Yield the designs whose runs the archive does not keep."""
+def design_lines(study: ValidatedStudy) -> Iterator[str]:
+    """Yield what designs say of themselves, and those whose runs the archive does not keep."""
     for name, design in study.designs.items():
+        yield from (f"{name}: {each}" for each in design.remarks(study.joint))
         if design.keep != RUNS:
             yield f"the archive has the statistics of {name}, and not its runs"
 

@@ -40,6 +40,7 @@ _POINTS = {
     Sampling.FINITE_DIFFERENCES: "small steps from points",
     Sampling.TWO_LEVELS: "two levels of each input",
     Sampling.TOWARDS_EVENT: "points that move towards a rare event",
+    Sampling.TOWARDS_BOUNDS: "points at bounds over intervals",
 }
 
 
@@ -101,6 +102,10 @@ def check_surrogates(
         if joint is not None and not joint.random:
             which = "that are all fixed" if joint.inputs else "without a distribution"
             table.add_problem(name, f"a surrogate over inputs {which}", "a random input")
+        elif joint is not None and joint.intervals:
+            found = f"a surrogate over {joint.intervals[0].variable.name}, which is an interval"
+            expected = "inputs with a distribution; interval-bounds has a polynomial of its own"
+            table.add_problem(name, found, expected)
         elif joint is not None:
             table.add_problems(surrogate.check_inputs(joint), name)
         # What an archive names may be missing here; its study can be read all the same.

@@ -206,6 +206,15 @@ def joint_statistics(study: ValidatedStudy, runs: xr.Dataset) -> OutputStatistic
     return mark_uncertified({"": found}, runs.attrs)[""]
 
 
+def bound_statistics(study: ValidatedStudy, runs: xr.Dataset) -> OutputStatistics:
+    """Return the bounds of the probabilities of events over the intervals of a study."""
+    if runs.attrs[SAMPLING] != Sampling.TOWARDS_BOUNDS:
+        return {}
+    from uqpen.statistics.interval_bounds import event_bounds
+
+    return event_bounds(runs, study.confidence_level)
+
+
 def _publication_groups(publication: Publication, path: str, runs: Runs, level: float) -> Groups:
     """Yield the groups of a publication's estimates beside a model and its runs."""
     head = {SOURCE_KIND: "publication", CITED: publication.source}

@@ -31,6 +31,7 @@ from uqpen.report.sections.findings import (
 from uqpen.report.sections.sentences import (
     OutputSentences,
     QuotedStatistic,
+    bound_findings,
     decision_findings,
     default_statistic,
     joint_findings,
@@ -115,7 +116,7 @@ def _stated_blocks(
 ) -> Iterator[Block]:
     """Yield the verdicts on limits, the sentences, and the design behind them."""
     verdicts = [each for entry in shown for each in entry.verdicts]
-    of_events = (*joint_findings(view, design), *rare_event_findings(view))
+    of_events = (*joint_findings(view, design), *rare_event_findings(view), *bound_findings(view))
     if every := (*decision_findings(view), *verdicts, *of_events):
         yield Findings(every, is_verdict=True)
     if caveat := caveat_text(view, main_outputs(view), design):
@@ -186,7 +187,7 @@ def _leading_reason(view: ArchiveView, design: str) -> str:
 
 def _answer_without_sample(view: ArchiveView) -> Iterator[Block]:
     """Yield what an archive says whose designs give no distribution, and the reason."""
-    if of_events := tuple(rare_event_findings(view)):
+    if of_events := (*rare_event_findings(view), *bound_findings(view)):
         yield Findings(of_events, is_verdict=True)
     failed = [each for design in view.designs for each in failed_runs(view.tree, design)]
     every = [read_group(view.tree, RUNS, design) for design in view.designs]
@@ -205,6 +206,8 @@ def _answer_without_sample(view: ArchiveView) -> Iterator[Block]:
             f"No run of {', '.join(view.sample_designs)} completed, so the distributions of the "
             f"outputs are unknown. {_failure_reasons(failed)}"
         )
+    elif all(view.design(each).sampling is Sampling.TOWARDS_BOUNDS for each in view.designs):
+        yield Text("An input that is an interval has no distribution, so the outputs have none.")
     else:
         yield Text(
             "No design of this study is a sample of its inputs, so the distributions of the "

@@ -73,6 +73,7 @@ _PURPOSES = {
     Sampling.FINITE_DIFFERENCES: "squared derivatives by the inputs (DGSM); no sample",
     Sampling.TWO_LEVELS: "effects of the inputs between two levels; no sample",
     Sampling.TOWARDS_EVENT: "the probability of a rare event; no sample",
+    Sampling.TOWARDS_BOUNDS: "bounds over intervals; no sample",
 }
 
 # Attributes of the root that are shown, and their labels; others are shown after them.

@@ -33,6 +33,7 @@ from uqpen.results.digits import (
     percent_texts,
     tolerance_interval_texts,
 )
+from uqpen.results.found_bounds import found_bounds, interval_inputs
 from uqpen.results.joint_probabilities import disagreements
 from uqpen.results.source_statistics import described_statistics
 from uqpen.results.surrogate_tables import equivalent_runs_text, is_corrected
@@ -480,6 +481,30 @@ def joint_findings(view: ArchiveView, design: str) -> Iterator[Finding]:
     for array in () if joint is None else joint:
         event = capitalized(plain_text(str(array["event_condition"].values)))
         yield Finding(event, f"In {_stated(array)}.{acceptance_sentence(array)}")
+
+
+def bound_findings(view: ArchiveView) -> Iterator[Finding]:
+    """Yield what each design for bounds over intervals has found: two numbers, and the range."""
+    for design in view.designs:
+        for each in found_bounds(view.statistics, design):
+            bounds = each.lower, each.upper
+            remarks = [estimate_remark(bound).split("; ") for bound in bounds]
+            # What is said of both stands behind them.
+            every = sorted(
+                dict.fromkeys(chain(*remarks)),
+                key=lambda each: each in remarks[0] and each in remarks[1],
+            )
+            text = " ".join(f"{capitalized(each)}." for each in every)
+            if each.range is not None:
+                (lower, least, _), (upper, _, largest) = (
+                    map(no_break, each.texts(bound)) for bound in bounds
+                )
+                over = plain_text(interval_inputs(view.tree, design))
+                text = (
+                    f"By {design}: from {lower} to {upper} over all values of {over}; both bounds "
+                    f"lie between {least} and {largest} ({no_break(each.level)} interval). {text}"
+                )
+            yield Finding(capitalized(plain_text(each.title)), text)
 
 
 def rare_event_findings(view: ArchiveView) -> Iterator[Finding]:

@@ -17,6 +17,7 @@ from uqpen.report.sections.failures import missing_count, missing_run_sentences
 from uqpen.report.sections.findings import SCOPE, alerts
 from uqpen.report.sections.sentences import (
     QuotedStatistic,
+    bound_findings,
     decision_findings,
     joint_findings,
     main_outputs,
@@ -62,6 +63,7 @@ def summary_lines(tree: xr.DataTree) -> Iterator[str]:
         quoted = (block for block in leaders(view) if isinstance(block, Quote))
         yield from chain.from_iterable(block.sentences for block in quoted)
     elif view.leading_design is None:
+        yield from map(_finding_line, bound_findings(view))
         yield from (each.text for each in answer(view) if isinstance(each, Text))
         yield from map(_finding_line, rare_event_findings(view))
     else:

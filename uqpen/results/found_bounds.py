@@ -1,0 +1,102 @@
+"""Bounds over intervals: each with its interval, and the range between the outer limits of both."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from uqpen.archive.read import read_group
+from uqpen.core.labels import BOUNDED_EVENT, BOUNDS_GROUP, INTERVAL_ENDS, INTERVAL_LEVEL, RUNS
+from uqpen.core.units import DIMENSIONLESS, scale
+from uqpen.results.digits import estimate_texts, percent_text, percent_texts, range_text
+from uqpen.results.source_statistics import SourceStatistics
+from uqpen.results.table import NOTHING, OutputTable, estimate_json, estimate_remark
+
+
+class FoundBounds(NamedTuple):
+    """Both bounds of a probability or of a mean, as a design has found them."""
+
+    title: str  # what is bounded: ``"P(depth > 3 m)"``, say
+    name: str  # the event, or the output with the mean
+    lower: xr.DataArray  # (bound,): the lower bound, in SI units
+    upper: xr.DataArray  # the same of the upper one
+    unit: str  # of a mean the unit that it is shown in; empty for a probability
+
+    @property
+    def range(self) -> tuple[float, float] | None:
+        """Lower limit of the lower bound, upper limit of the upper one; None without bounds."""
+        found = float(self.lower[1]), float(self.upper[2])
+        return found if np.isfinite(found).all() else None
+
+    @property
+    def level(self) -> str:
+        """Probability that the range contains both bounds; empty without bounds."""
+        level = self.lower.attrs.get(INTERVAL_LEVEL)
+        return "" if self.range is None or level is None else percent_text(float(level))
+
+    def texts(self, bound: xr.DataArray) -> list[str]:
+        """Return a bound and both of its limits, in the digits that they have."""
+        if not self.unit:
+            return [*percent_texts(*bound.values.tolist())]
+        unit = "" if self.unit == DIMENSIONLESS else f" {self.unit}"
+        shown = scale(self.unit).from_si(bound.values).tolist()
+        return [f"{each}{unit}" for each in estimate_texts(*shown)]
+
+
+def found_bounds(statistics: SourceStatistics, design: str) -> Iterator[FoundBounds]:
+    """Yield the bounds that a design has found, those of events first."""
+    of_events = statistics.of_runs(BOUNDS_GROUP, design)
+    if "lower_probability" in of_events:
+        both = of_events["lower_probability"], of_events["upper_probability"]
+        for lower, upper in zip(*both, strict=True):
+            event = str(lower[BOUNDED_EVENT].item())
+            yield FoundBounds(f"P({event})", event, lower, upper, "")
+    for output in statistics.scalar_outputs:
+        of_output = statistics.statistics(design, output)
+        if "lower_mean" in of_output:
+            ends = of_output["lower_mean"], of_output["upper_mean"]
+            yield FoundBounds(f"mean of {output}", output, *ends, statistics.unit(output))
+
+
+def interval_inputs(tree: xr.DataTree, design: str) -> str:
+    """Return the names of the inputs of a design that are intervals."""
+    variables = read_group(tree, RUNS, design).variables
+    return ", ".join(str(name) for name, each in variables.items() if INTERVAL_ENDS in each.attrs)
+
+
+def bound_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
+    """Yield a table of each design for bounds: both bounds with their limits, and the range."""
+    statistics = SourceStatistics(tree)
+    for design in statistics.sources:
+        every = [*found_bounds(statistics, design)]
+        if not every:
+            continue
+        levels = {each.level for each in every} - {""}
+        columns = ["lower bound", "upper bound", ", ".join(["range", *levels])]
+        title = f"{design}: bounds over all values of {interval_inputs(tree, design)}"
+        table = OutputTable(title, columns)
+        for each in every:
+            cells = []
+            for bound in (each.lower, each.upper):
+                value, *limits = each.texts(bound)
+                text = f"{value} ({range_text(*limits)})" if each.range else NOTHING
+                cells.append(text + table.note_mark(*estimate_remark(bound).split("; ")))
+            ends = each.texts(each.lower)[1], each.texts(each.upper)[2]
+            table.rows.append((each.title, [*cells, range_text(*ends) if each.range else NOTHING]))
+        yield table
+
+
+def bound_json(statistics: SourceStatistics, design: str) -> dict[str, Any]:
+    """Return all bounds that a design has found, by event or output, with their ranges."""
+    found = {
+        each.name: {
+            "lower": estimate_json(each.lower),
+            "upper": estimate_json(each.upper),
+            "range": each.range and list(each.range),
+        }
+        for each in found_bounds(statistics, design)
+    }
+    return {BOUNDS_GROUP: found} if found else {}
