@@ -60,6 +60,21 @@ runs = 200
 """,
 }
 
+# An input that is an interval, which no shipped study has either.
+INTERVAL = """\
+title = "Ishigami, x3 an interval"
+seed  = 1
+[model]
+use = "ishigami"
+[inputs]
+x1 = { uniform = { lower = -3, upper = 3 } }
+x2 = { uniform = { lower = -3, upper = 3 } }
+x3 = { interval = [-3, 3] }
+[designs.bounds]
+kind   = "interval-bounds"
+events = ["y > 8"]
+"""
+
 # Numbers of runs of shipped studies, and of the gallery's.
 FEWER = {"10_000": "1_000", "8_192": "1_024", "5_000": "400", "2_000": "100"}
 
@@ -67,6 +82,7 @@ FEWER = {"10_000": "1_000", "8_192": "1_024", "5_000": "400", "2_000": "100"}
 SHOWN: Mapping[str, tuple[str, Mapping[str, str]]] = {
     "cdf": ("concrete", {"output": "penetration_depth"}),
     "exceedance": ("concrete", {"output": "penetration_depth"}),
+    "bounds": ("interval", {}),
     "histogram": ("concrete", {"output": "penetration_depth"}),
     "scatter": ("concrete", {"output": "penetration_depth"}),
     "convergence": ("concrete", {"output": "penetration_depth"}),
@@ -91,6 +107,7 @@ COMMANDS = {
     "rods": "uqpen study studies/rods.toml",
     "rod_course": "uqpen study studies/rod_course.toml",
     "plate": "uqpen study plate.toml",
+    "interval": "uqpen study interval.toml",
     "ishigami_compare": "uqpen compare studies/ishigami.toml",
 }
 
@@ -120,6 +137,7 @@ def archives(folder: Path) -> Mapping[str, Callable[[], xr.DataTree]]:
         "rods": lambda: uqpen.run(with_fewer_runs("rods")),
         "rod_course": lambda: uqpen.run(with_fewer_runs("rod_course")),
         "plate": lambda: uqpen.run(plate(folder)),
+        "interval": lambda: uqpen.run(uqpen.parse_study(INTERVAL, name="interval")),
         "ishigami_compare": lambda: uqpen.compare(with_fewer_runs("ishigami"), settings),
     }
 

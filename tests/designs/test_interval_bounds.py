@@ -9,8 +9,10 @@ from scipy.stats import norm
 from study_text import study_text
 
 import uqpen
+from uqpen.charts.distributions import bound_charts
 from uqpen.core.labels import INTERVAL_ENDS
 from uqpen.report.sections.summary import summary_lines
+from uqpen.results.archive_view import select_view
 from uqpen.results.output_tables import output_tables
 from uqpen.study.summary import input_rows, section_lines
 from uqpen.surrogates.interval_bounds import dispersion
@@ -137,6 +139,20 @@ def test_terminal_json_and_page_have_two_numbers_and_the_range(tree, tmp_path):
     assert found["y > 2"]["range"] == [lower["lower"], upper["upper"]]
     assert found["y"]["range"][0] < -1.535 < 1 < found["y"]["range"][1]
     assert "over all values of e" in report_page(tree)
+
+
+def test_two_curves_are_the_runs_at_both_bounds(tree):
+    view = select_view(tree, None, None, None)
+    of_event, of_mean = bound_charts(view)
+    assert of_event.title == "Probability that y is at most x, at both bounds of P(y > 2)"
+    assert of_mean.title == "Probability that y is at most x, at both bounds of the mean of y"
+    for mark, shift in zip(of_event.marks, (1 - 1.5 * 1.3**2, 1), strict=False):
+        exact = norm.cdf(np.asarray(mark.x) - shift)
+        assert np.abs(np.asarray(mark.y) - exact).max() < 0.1
+    assert [key.text for key in of_event.keys[:2]] == [
+        "at the lower bound, 300 runs",
+        "at the upper bound, 300 runs",
+    ]
 
 
 @pytest.mark.processor

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -26,11 +27,22 @@ from uqpen.charts.marks import (
 )
 from uqpen.charts.study_limits import LimitMarks, limit_marks, output_span, study_limits
 from uqpen.core.arrays import FloatArray
-from uqpen.core.labels import INTERVAL_LEVEL, MISSING, NOTE, STATUS, THRESHOLD
+from uqpen.core.labels import (
+    BOUND_END,
+    BOUND_SEARCH,
+    BOUNDED_QUANTITY,
+    INTERVAL_LEVEL,
+    MISSING,
+    NOTE,
+    STATUS,
+    THRESHOLD,
+)
+from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
 from uqpen.core.units import Scale
 from uqpen.results.archive_view import ArchiveView, output_title
 from uqpen.results.digits import count_text, estimate_text, number_text, percent_text
+from uqpen.results.found_bounds import FoundBounds, found_bounds
 from uqpen.results.table import OutputTable, exceedance_label
 from uqpen.results.texts import capitalized, plain_text, unit_suffix
 
@@ -65,6 +77,54 @@ def model_charts(view: ArchiveView) -> Iterator[Chart]:
         source = next(iter(view.estimates(output, "cdf_value")), "")
         if (chart := model_chart(view, output, source)) is not None:
             yield chart
+
+
+def bound_charts(view: ArchiveView) -> Iterator[Chart]:
+    """Distribution functions of an output at both bounds over the intervals of a study."""
+    for design in view.designs:
+        if view.design(design).sampling is Sampling.TOWARDS_BOUNDS:
+            for found in found_bounds(view.statistics, design):
+                for output in view.numeric_outputs:
+                    if found.range is not None and re.search(rf"\b{output}\b", found.name):
+                        yield _bound_chart(view, design, found, output)
+
+
+def _bound_chart(view: ArchiveView, design: str, found: FoundBounds, output: str) -> Chart:
+    """Return the functions of an output by the runs at both bounds of a quantity."""
+    runs, measure = view.design(design).shown_runs, view.scale(output)
+    search, number, end = (
+        runs[name].values for name in (BOUND_SEARCH, BOUNDED_QUANTITY, BOUND_END)
+    )
+    used = (search == search.max()) & (number == found.number) & (runs[STATUS].values == Status.OK)
+    ends = {"lower": runs[output].values[used & (end < 0)]}
+    ends["upper"] = runs[output].values[used & (end > 0)]
+    shown = {name: np.asarray(measure.from_si(values)) for name, values in ends.items()}
+    span = output_span(view, output, [*shown.values()])
+    limits = limit_marks(view, output, span, at_foot=True)
+    marks, keys, medians = list[Mark](), list[LegendKey](), list[str]()
+    for series, (name, values) in enumerate(shown.items()):
+        text, x = f"at the {name} bound", span.thresholds(np.sort(values), limits.values)
+        dash = series_dash(series)
+        hover = f"%{{y:.4f}} {text}"
+        share = empirical_cdf(values, x)
+        marks.append(Line(x, share, series, hover, name=text, dash=dash, is_stepped=True))
+        keys.append(LegendKey(f"{text}, {count_text(values.size, 'run')}", series, "line", dash))
+        unit_text = unit_suffix(view.unit(output))
+        medians.append(f"the median is {number_text(float(np.median(values)))}{unit_text} {text}")
+    return Chart(
+        title=f"Probability that {output_title(view, output)} is at most x, at both bounds of "
+        f"{'the ' * bool(found.unit)}{plain_text(found.title)}",
+        summary=f"{capitalized(' and '.join(medians))}.",
+        x=output_axis(view, output, span),
+        y=Axis("P(at most x)", (0.0, 1.0)),
+        marks=(*marks, *limits.rules),
+        keys=(*keys, *limits.keys),
+        notes=tuple(limits.notes),
+        height=340,
+        of=output,
+        source=design,
+        is_compared=True,
+    )
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ __all__ = ["FIGURES", "OF_BENCHMARKS"]
 FIGURES = {
     "cdf": "uqpen.charts.distributions:cdf_charts",
     "exceedance": "uqpen.charts.distributions:exceedance_charts",
+    "bounds": "uqpen.charts.distributions:bound_charts",
     "histogram": "uqpen.charts.histograms:histogram_charts",
     "scatter": "uqpen.charts.scatter:scatter_charts",
     "convergence": "uqpen.charts.convergence_history:convergence_charts",

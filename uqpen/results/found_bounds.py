@@ -9,7 +9,15 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.read import read_group
-from uqpen.core.labels import BOUNDED_EVENT, BOUNDS_GROUP, INTERVAL_ENDS, INTERVAL_LEVEL, RUNS
+from uqpen.core.labels import (
+    BOUNDED_EVENT,
+    BOUNDED_EVENTS,
+    BOUNDED_MEANS,
+    BOUNDS_GROUP,
+    INTERVAL_ENDS,
+    INTERVAL_LEVEL,
+    RUNS,
+)
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.results.digits import estimate_texts, percent_text, percent_texts, range_text
 from uqpen.results.source_statistics import SourceStatistics
@@ -24,6 +32,7 @@ class FoundBounds(NamedTuple):
     lower: xr.DataArray  # (bound,): the lower bound, in SI units
     upper: xr.DataArray  # the same of the upper one
     unit: str  # of a mean the unit that it is shown in; empty for a probability
+    number: int  # that the runs of the design have for it
 
     @property
     def range(self) -> tuple[float, float] | None:
@@ -48,17 +57,23 @@ class FoundBounds(NamedTuple):
 
 def found_bounds(statistics: SourceStatistics, design: str) -> Iterator[FoundBounds]:
     """Yield the bounds that a design has found, those of events first."""
+    attributes = read_group(statistics.tree, RUNS, design).attrs
+    events, means = (
+        [*filter(None, str(attributes.get(key, "")).split("; "))]
+        for key in (BOUNDED_EVENTS, BOUNDED_MEANS)
+    )
     of_events = statistics.of_runs(BOUNDS_GROUP, design)
     if "lower_probability" in of_events:
         both = of_events["lower_probability"], of_events["upper_probability"]
-        for lower, upper in zip(*both, strict=True):
+        for number, (lower, upper) in enumerate(zip(*both, strict=True)):
             event = str(lower[BOUNDED_EVENT].item())
-            yield FoundBounds(f"P({event})", event, lower, upper, "")
+            yield FoundBounds(f"P({event})", event, lower, upper, "", number)
     for output in statistics.scalar_outputs:
         of_output = statistics.statistics(design, output)
         if "lower_mean" in of_output:
-            ends = of_output["lower_mean"], of_output["upper_mean"]
-            yield FoundBounds(f"mean of {output}", output, *ends, statistics.unit(output))
+            ends, number = (of_output["lower_mean"], of_output["upper_mean"]), means.index(output)
+            unit = statistics.unit(output)
+            yield FoundBounds(f"mean of {output}", output, *ends, unit, len(events) + number)
 
 
 def interval_inputs(tree: xr.DataTree, design: str) -> str:

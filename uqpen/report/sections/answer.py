@@ -12,7 +12,7 @@ import xarray as xr
 
 from uqpen.archive.read import group_names, read_group
 from uqpen.charts.chart import Block
-from uqpen.charts.distributions import model_chart
+from uqpen.charts.distributions import bound_charts, model_chart
 from uqpen.charts.histograms import histogram
 from uqpen.core.labels import DIFFERENCES, OUTCOME_OUTPUT, RUNS, SURROGATES, THRESHOLD
 from uqpen.core.sampling import Sampling
@@ -208,6 +208,7 @@ def _answer_without_sample(view: ArchiveView) -> Iterator[Block]:
         )
     elif all(view.design(each).sampling is Sampling.TOWARDS_BOUNDS for each in view.designs):
         yield Text("An input that is an interval has no distribution, so the outputs have none.")
+        yield from bound_charts(view)
     else:
         yield Text(
             "No design of this study is a sample of its inputs, so the distributions of the "
