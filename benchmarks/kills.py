@@ -53,6 +53,7 @@ STUDY = f"""\
 seed = 11
 [model]
 python = "model.py:simulate"
+noise = false
 inputs = {{ x = "1", y = "m" }}
 outputs = {{ z = "m", w = "1" }}
 [inputs]

@@ -29,6 +29,7 @@ def model(a, b):
 STUDY = study_text(
     {
         "python": "model.py:model",
+        "noise": False,
         "vectorized": True,
         "inputs": {"a": "1", "b": "1"},
         "outputs": {"depth": "m"},

@@ -36,6 +36,7 @@ STUDY = """
 seed = 2
 [model]
 python = "model.py:count"
+noise = false
 [model.inputs]
 a = "1"
 b = "1"

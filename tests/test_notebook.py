@@ -111,4 +111,6 @@ def test_an_interrupted_study_goes_on_where_it_was(notebook, tmp_path):
     notebook.run('archive = uqpen.make_archive(study(), "interrupted.nc")')
     log = (tmp_path / "interrupted.nc.log").read_text(encoding="utf-8")
     compared = int(re.search(r"(\d+) of \d+ runs made again", log)[1])  # type: ignore[index]
-    assert calls.stat().st_size == 21 + 40 - kept + compared, "no other run is made again"
+    # One run in 20 shows whether the model has noise.
+    made_again = compared + 2
+    assert calls.stat().st_size == 21 + 40 - kept + made_again, "no other run is made again"

@@ -358,7 +358,9 @@ def test_two_replicates_fall_back_on_order_statistics(tmp_path):
 
 def test_runs_that_are_all_of_one_replicate_tell_no_error(tmp_path):
     # The first stratum of each hypercube is all that comes back: one run of each replicate.
-    tree = python(tmp_path, "np.where(np.arange(len(x)) < 20, x, np.nan)", runs=200)
+    with pytest.warns(RuntimeWarning, match="10 of 200 runs of mc were made again: 9 differ"):
+        # What hangs on the place in a batch is noise.
+        tree = python(tmp_path, "np.where(np.arange(len(x)) < 20, x, np.nan)", runs=200)
     mean = tree["statistics/lhs/y"]["mean"]
     assert np.isnan(mean.values[1])
     assert mean.attrs["note"] == "all completed runs are of one replicate"

@@ -144,7 +144,7 @@ def verify(
     inputs: Mapping[Any, object] | None = None,
     surrogates: Mapping[str, object] | None = None,
     folder: str | Path | None = None,
-    runs: int | None = 100,
+    runs: int | None = 0,
     trust: bool = False,
     workers: int = 1,
     progress: Progress | None = None,
@@ -166,7 +166,8 @@ def verify(
     folder : str or Path, optional
         Folder with the files that the study names; by default, the archived files are used.
     runs : int or None
-        Number of runs to repeat, drawn at random; None for all.
+        Number of runs to repeat, drawn at random; None for all. By default 100, and 1000 of a model
+        with noise whose runs have no seed: those are compared by their distribution.
     trust : bool
         True if code that the archive names may be executed.
     workers : int

@@ -22,6 +22,7 @@ def simulate(x):
 STUDY = study_text(
     {
         "python": "model.py:simulate",
+        "noise": False,  # the calls are counted
         "inputs": {"x": "1"},
         "outputs": {"curve": {"unit": "1", "along": {"time": {"unit": "s", "values": [0, 1, 4]}}}},
     },
@@ -56,6 +57,14 @@ def test_a_new_or_another_one_takes_the_runs_of_the_archive(folder):
     text = STUDY + PEAK.replace("max", "min") + CROSSING
     assert calls(folder, text) == 0
     assert calls(folder, text, "afresh.nc", fresh=True) == 30
+    assert (folder / "afresh.nc").read_bytes() == (folder / "study.nc").read_bytes()
+
+
+def test_a_model_that_was_looked_at_is_not_again(folder):
+    text = STUDY.replace("noise = false\n", "")
+    assert calls(folder, text) == 30 + 3  # one run in 20, and the trial
+    assert calls(folder, text + PEAK) == 0
+    assert calls(folder, text + PEAK, "afresh.nc", fresh=True) == 30 + 3
     assert (folder / "afresh.nc").read_bytes() == (folder / "study.nc").read_bytes()
 
 

@@ -13,6 +13,7 @@ STUDY = """\
 seed = 1
 [model]
 command = ["./solver", "{{length}}"]
+noise = false
 keep = "{keep}"
 inputs = {{ length = "mm" }}
 outputs = {{ y = "mm" }}

@@ -41,7 +41,12 @@ def simulate(x, y):
     return {"z": x * y * hidden + (random.random() if hidden == 5 else 0)}
 """
 STUDY = study_text(
-    {"python": "model.py:simulate", "inputs": {"x": "1", "y": "m"}, "outputs": {"z": "m"}},
+    {
+        "python": "model.py:simulate",
+        "noise": False,
+        "inputs": {"x": "1", "y": "m"},
+        "outputs": {"z": "m"},
+    },
     seed=11,
     inputs={"x": "0 ± 1", "y": "(0 ± 1) m"},
     designs={"one": {"kind": "monte-carlo", "runs": 30}},

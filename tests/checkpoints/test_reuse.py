@@ -33,7 +33,12 @@ def simulate(x, y):
     return {"z": 1 / (x > -1) * x * y}
 """
 STUDY = study_text(
-    {"python": "model.py:simulate", "inputs": {"x": "1", "y": "m"}, "outputs": {"z": "m"}},
+    {
+        "python": "model.py:simulate",
+        "noise": False,
+        "inputs": {"x": "1", "y": "m"},
+        "outputs": {"z": "m"},
+    },
     seed=11,
     inputs={"x": "0 ± 1", "y": "(0 ± 1) m"},
     designs={"one": {"kind": "monte-carlo", "runs": 30}},

@@ -89,6 +89,7 @@ def test_every_step_is_named_before_it_starts(study_of, tmp_path):
     uqpen.make_archive(study_of("x", TWO, x=(0, 1)), tmp_path / "a.nc", progress=Recorded())
     assert designs == ["some", "more"]
     assert steps == [
+        ("making runs again, to see noise of the model", 0, 0),
         ("statistics of some", 1, 5),
         ("statistics of more", 2, 5),
         ("fitting cheap", 3, 5),
@@ -115,6 +116,7 @@ def test_several_models_are_named_in_the_steps(tmp_path):
             steps.append((name, number, total))
 
     uqpen.run(study, progress=Recorded())
+    steps = [each for each in steps if each[1]]
     names = [name for name, _, _ in steps]
     assert names[0] == "statistics of some of a"
     assert names[-1] == "differences of b from a"

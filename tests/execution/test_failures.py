@@ -31,7 +31,7 @@ def simulate(x):
     return {"y": x}
 """
 STUDY = study_text(
-    {"python": "model.py:simulate", "inputs": {"x": "1"}, "outputs": {"y": "m"}},
+    {"python": "model.py:simulate", "noise": False, "inputs": {"x": "1"}, "outputs": {"y": "m"}},
     seed=3,
     inputs={"x": "0 ± 1"},
     designs={"some": {"kind": "monte-carlo", "runs": 50}},

@@ -67,6 +67,7 @@ SEVERAL = f"""\
 [models.other]
 {MODEL.replace(":f", ":g")}
 vectorized = true
+noise = false  # it depends on the whole batch
 """
 
 
@@ -152,7 +153,8 @@ def test_batches_are_taken_as_they_are_needed(two):
 
 def test_noise_is_not_the_same_in_every_worker(tmp_path, two):
     source = "import numpy as np\ndef f(x): return {'y': np.random.normal()}"
-    tree = uqpen.run(uqpen.parse_study(study(tmp_path, source), folder=tmp_path), map=two)
+    text = study(tmp_path, source, models=f"[model]\nnoise = true\n{MODEL}")
+    tree = uqpen.run(uqpen.parse_study(text, folder=tmp_path), map=two)
     assert len(set(tree["runs/some"]["y"].values.tolist())) == 100
 
 

@@ -23,6 +23,7 @@ from uqpen.core.labels import (
     KIND,
     MODEL_FORM,
     MODELS,
+    NOISE,
     RUNS,
     STATISTICS_GROUP,
     SURROGATES,
@@ -73,6 +74,10 @@ GROUPS: Mapping[str, Group] = {
         check="uqpen.archive.structure:find_run_faults",
         is_repeated=False,
         is_along_fields=True,
+    ),
+    # Runs that were made twice, to see noise of the model.
+    NOISE: Group(
+        levels=("design",), check="uqpen.archive.structure:find_pair_faults", is_repeated=False
     ),
     STATISTICS_GROUP: Group(
         levels=("source", "output"),

@@ -369,6 +369,16 @@ def _run_faults(runs: xr.Dataset) -> Iterator[str]:
         yield f"reasons without a {FAILED_RUN}"
 
 
+def find_pair_faults(node: xr.DataTree) -> Iterator[str]:
+    """Yield the faults of runs that were made twice."""
+    for name, pairs in node.children.items():
+        dims, variables = (RUN, REPEAT), pairs.dataset.data_vars
+        if dict(pairs.sizes).get(REPEAT) != 2 or RUN not in pairs.coords:
+            yield f"/{name}: no two runs of each number"
+        elif STATUS not in variables or any(each.dims[:2] != dims for each in variables.values()):
+            yield f"/{name}: a variable that does not lie along {RUN} and {REPEAT}"
+
+
 def _has_repeats(runs: xr.Dataset) -> bool:
     """Return True if every run has its point and its number there, and they stand in order."""
     if POINT not in runs.coords:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -54,6 +54,7 @@ from uqpen.study.study import ValidatedStudy
 from uqpen.study.table_reader import TableReader
 from uqpen.surrogates.refinement import RefinedDesign
 from uqpen.workflow import Checkpoints, run
+from uqpen.workflow.noise_check import NoiseCheck
 
 
 @dataclass(frozen=True)
@@ -161,7 +162,8 @@ def make_archive(
         if resume.read_again:
             study = study.reading_again()
         try:
-            tree = _run_study(study, map, journal, finished, checkpoint)
+            seen = _seen_noise(study, archives)
+            tree = _run_study(study, map, journal, finished, checkpoint, seen)
             if record := finder.record():
                 tree.attrs[REUSED_RUNS] = record
             if earlier := next((each for each in archives if _adds_formulas(study, each)), None):
@@ -280,10 +282,11 @@ def _run_study(
     journal: Journal,
     finished: CheckpointFolder,
     checkpoints: Checkpoints,
+    seen: Mapping[str, NoiseCheck],
 ) -> xr.DataTree:
     """Run a study; keep its finished runs if it is stopped."""
     try:
-        return run(study, map=map, progress=journal, checkpoints=checkpoints)
+        return run(study, map=map, progress=journal, checkpoints=checkpoints, seen=seen)
     except TooManyFailedError as error:
         finished.save()
         message = f"{finished.runs} runs are kept. {error.remedy}"
@@ -309,6 +312,22 @@ def _write(
     except BaseException:
         finished.save()
         raise
+
+
+def _seen_noise(study: ValidatedStudy, archives: Sequence[ArchivePlace]) -> dict[str, NoiseCheck]:
+    """Return what archives say of the noise of the models, where the first design is the same."""
+    design, now = next(iter(study.designs)), tomllib.loads(study.text)
+    found = {}
+    for archive in archives:
+        before = archive.identity.content
+        is_same = all(before.get(key) == now.get(key) for key in _DECISIVE)
+        if not is_same or design in archive.changed_designs:
+            continue
+        for name, group in model_trees(archive.tree).items():
+            compared = archive.comparisons.get(name, {}).get(name)
+            if compared and not compared.changes:
+                found[name] = NoiseCheck.of_archive(group, design)
+    return {name: check for name, check in found.items() if check}
 
 
 def _adds_formulas(study: ValidatedStudy, earlier: ArchivePlace) -> bool:

@@ -16,7 +16,6 @@ from uqpen.checkpoints.folder import CheckpointFolder
 from uqpen.checkpoints.identity import compared_names
 from uqpen.checkpoints.journal import Journal, run_seconds, seconds_at_last_pace
 from uqpen.checkpoints.sources import (
-    BY_MACHINE,
     SET_ASIDE,
     ArchivePlace,
     Place,
@@ -31,7 +30,7 @@ from uqpen.core.arrays import Arrays, FloatArray, IntArray
 from uqpen.core.errors import CheckpointError
 from uqpen.core.labels import BATCH_HASH, FAILED_RUN, FAILURE_REASON, RUN, RUNS, STATUS
 from uqpen.core.model import Model
-from uqpen.core.status import STATUS_TEXT, Status, mask_numbers
+from uqpen.core.status import BY_MACHINE, STATUS_TEXT, Status, mask_numbers
 from uqpen.core.streams import Stream
 from uqpen.execution import (
     EvaluationOptions,

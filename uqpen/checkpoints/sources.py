@@ -44,7 +44,7 @@ from uqpen.core.labels import (
 )
 from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.core.model import Model, Output, Results
-from uqpen.core.status import Status
+from uqpen.core.status import BY_MACHINE, Status
 from uqpen.core.streams import BLOCK, Stream
 from uqpen.designs.rounds import first_round
 from uqpen.distributions.constraints import Constraint
@@ -362,9 +362,6 @@ def _values(runs: xr.Dataset, output: Output) -> FloatArray:
     # A failed run has a category of its own there.
     return np.where(values < 0, np.nan, values) if output.categories else values
 
-
-# Whether a run ends so may depend on the machine.
-BY_MACHINE = (Status.TIMED_OUT, Status.CRASHED)
 
 _LOST_BY_MACHINE = "runs that timed out or crashed in an earlier study"
 

@@ -153,7 +153,12 @@ def _table_parts(table: OutputTable, width: int) -> Iterator[_TablePart]:
 _COLUMN = 13
 _INDENT = "  "
 
-_STYLES = {"DIFFERENT": "bold red", "IMPOSSIBLE": "bold red", "CLOSE": "yellow"}
+_STYLES = {
+    "DIFFERENT": "bold red",
+    "UNLIKELY": "bold red",
+    "IMPOSSIBLE": "bold red",
+    "CLOSE": "yellow",
+}
 
 
 def show_check(result: CheckResult) -> None:

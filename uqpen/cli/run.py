@@ -218,6 +218,7 @@ def show_trial_runs(study: ValidatedStudy) -> ExitCode:
         trial = trial_run(study, name)
         which = f" of {name}" if study.has_several_models else ""
         messages = [f"warning: {warning}" for warning in trial.warnings]
+        messages += [trial.noise] if trial.noise else []
         if trial.status is Status.OK:
             show_line(f"trial run{which} at the nominal inputs, {trial.seconds:.3g} s\n")
             quantities = study.model_quantities(variant.model)

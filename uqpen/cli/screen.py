@@ -17,6 +17,7 @@ from uqpen.core.labels import RUNS
 from uqpen.core.status import STATUS_TEXT
 from uqpen.results.failed_runs import failed_runs
 from uqpen.results.field_tables import curve_tables, derived_lines, field_tables, place_option
+from uqpen.results.noise import noise_lines
 from uqpen.results.output_tables import output_tables
 from uqpen.results.table import headed_models
 
@@ -65,7 +66,11 @@ def show_tables(tree: xr.DataTree, *, everything: bool = False) -> None:
     for table in output_tables(tree, everything=everything):
         show_table(console, table)
     models = headed_models(tree)
-    lines = [f"{head}{line}" for head, each in models.items() for line in derived_lines(each)]
+    lines = [
+        f"{head}{line}"
+        for head, each in models.items()
+        for line in (*derived_lines(each), *noise_lines(each))
+    ]
     if lines:
         console.print()
     for line in lines:

@@ -28,7 +28,7 @@ from uqpen.cli.options import (
 @click.option(
     "--runs",
     type=click.IntRange(min=1),
-    help="How many runs to repeat, drawn at random.  [default: 100]",
+    help="How many runs to repeat, drawn at random.  [default: 100, with noise 1000]",
 )
 @click.option("--all", "all_runs", is_flag=True, help="Repeat all runs.")
 @trust_option
@@ -54,7 +54,7 @@ def verify(
 
     if all_runs and runs is not None:
         raise click.UsageError("--runs and --all exclude each other")
-    number = None if all_runs else runs or 100
+    number = None if all_runs else runs or 0
     # Where the user stands now: a model may go elsewhere once it is loaded.
     folder = folder and folder.absolute()
     with show_progress() as reporter:
@@ -74,7 +74,7 @@ def verify(
     for result in results:
         show_check(result)
     verdicts = {result.verdict for result in results}
-    if CheckOutcome.DIFFERENT in verdicts:
+    if verdicts & {CheckOutcome.DIFFERENT, CheckOutcome.UNLIKELY}:
         return ExitCode.DIFFERENT
     return ExitCode.MISTAKE if CheckOutcome.IMPOSSIBLE in verdicts else ExitCode.DONE
 

@@ -26,6 +26,10 @@ REPEATS = "repeats"
 # name where it is no input of the model.
 SEED = "seed"
 RANDOM_SEED = "random_seed"
+# What was seen of the noise of a model: an attribute of its group, and of the runs in which it was
+# found. The group of the runs that were made twice, where the second ones are others. The analyses
+# of several runs at each point.
+NOISE = "noise"
 ROUND = "round"
 BLOCK_NUMBER = "block"
 MATRIX = "matrix"
@@ -145,7 +149,6 @@ EXCEEDANCE = "exceedance"
 TAILS = "tails"
 SHARES = "shares"
 SENSITIVITY = "sensitivity"
-NOISE = "noise"
 CONVERGENCE = "convergence"
 SURROGATES = "surrogates"
 

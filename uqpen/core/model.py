@@ -202,6 +202,11 @@ class Model(ABC):
     noise: Noise = Noise()
 
     @property
+    def may_be_noisy(self) -> bool:
+        """True if its code is not uqpen's: its runs have to show if they can be repeated."""
+        return False
+
+    @property
     def run_inputs(self) -> tuple[str, ...]:
         """Names of all that decides a run: its inputs, and a seed that is none of them."""
         names = tuple(variable.name for variable in self.inputs)
@@ -364,7 +369,7 @@ class Model(ABC):
 
     def with_noise(self, noise: Noise) -> Self:
         """Return the same model with what a study says of its noise."""
-        return self._with(noise=noise)
+        return self if self.noise == noise else self._with(noise=noise)
 
     def _with(self, **attributes: Any) -> Self:
         model = object.__new__(type(self))

@@ -23,6 +23,9 @@ class Status(IntEnum):
         return self.name.lower()
 
 
+# Whether a run ends so may depend on the machine.
+BY_MACHINE = (Status.TIMED_OUT, Status.CRASHED)
+
 STATUS_TEXT = MappingProxyType({status: status.meaning.replace("_", " ") for status in Status})
 
 

@@ -163,7 +163,7 @@ class _RunsUnderWay:
             self._progress.warn(warning)
         failed = self._failure_count.add(batch_result)
         self._progress.advance(runs, failed, self.blocks.under_way)
-        self._first_runs.add(inputs, batch_result)
+        self._first_runs.add(inputs, batch_result, is_made=True)
 
     def pop_complete(self) -> Iterator[xr.Dataset]:
         """Yield the runs of complete blocks in order, and forget them."""

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from uqpen.core.arrays import Arrays
 from uqpen.core.dependency import OBSERVED, Dependency
 from uqpen.core.errors import FirstRunsFailedError
-from uqpen.core.model import Model
+from uqpen.core.model import Model, Results
 from uqpen.core.status import STATUS_TEXT, Status, mask_numbers
 from uqpen.execution.batch import BatchResult
 from uqpen.execution.failures import FailurePolicy
@@ -52,6 +52,8 @@ class FirstRuns:
         Whether one run is to be observed, for what the runs of the model depend on. It is the trial
         run, or the first that this start makes, where none of those restored was. A run that fails
         may have ended early, so the first of those after it is observed, too.
+    repeat : callable, optional
+        Receives inputs and results of a trial run that was made and is ok, to make it again.
     """
 
     def __init__(
@@ -61,8 +63,10 @@ class FirstRuns:
         report: Callable[[str], None] = lambda text: None,
         *,
         is_observed: bool = False,
+        repeat: Callable[[Arrays, Results], None] = lambda inputs, results: None,
     ) -> None:
         self._model, self._policy, self._report = model, policy, report
+        self._repeat = repeat
         self._failed: list[_FailedRun] = []
         self._is_over = False
         self._next = self._runs = self._added = 0
@@ -85,8 +89,10 @@ class FirstRuns:
         if restored:
             self.is_trial_due = False
 
-    def add(self, inputs: Arrays, batch_result: BatchResult) -> None:
+    def add(self, inputs: Arrays, batch_result: BatchResult, *, is_made: bool = False) -> None:
         """Look at the results of a batch as soon as those of all runs before are known.
+
+        It says if they were made now, not restored.
 
         Raises
         ------
@@ -96,6 +102,9 @@ class FirstRuns:
         results = batch_result.results
         if _OBSERVED in results.files and (results.status == Status.OK).any():
             self.is_observation_due = False
+        if is_made and self.is_trial_due and results.status[0] == Status.OK:
+            start, inputs_of_one = batch_result.start, {key: inputs[key][:1] for key in inputs}
+            self._repeat(inputs_of_one, batch_result.between(start, start + 1).results)
         if self._is_over:
             return
         self._added += 1

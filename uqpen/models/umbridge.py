@@ -320,6 +320,10 @@ class UmbridgeModel(Model):
     vectorized = False
 
     @property
+    def may_be_noisy(self) -> bool:
+        return True
+
+    @property
     def run_limits(self) -> Limits:
         return Limits(self.time_limit)
 

@@ -51,6 +51,10 @@ class UserModel(Model):
     is_untrusted = True
 
     @property
+    def may_be_noisy(self) -> bool:
+        return True
+
+    @property
     def is_object(self) -> bool:
         return self.source is not None
 

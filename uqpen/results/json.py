@@ -23,6 +23,7 @@ from uqpen.core.labels import (
     LOGARITHMIC,
     MODEL_FORM,
     MODELS,
+    NOISE,
     RUNS,
     RUNS_SPENT,
     STOPPING_AT_MOST,
@@ -36,6 +37,7 @@ from uqpen.results.acceptance import acceptance_json
 from uqpen.results.design_groups import design_json
 from uqpen.results.failed_runs import FailedRuns, failed_runs
 from uqpen.results.input_measures import sensitivity_json
+from uqpen.results.noise import noise_text
 from uqpen.results.source_statistics import SourceStatistics, user_defined
 from uqpen.results.surrogate_tables import fit_json, fit_settings, fitted_outputs
 from uqpen.results.table import (
@@ -120,6 +122,7 @@ def _model_json(tree: xr.DataTree) -> dict[str, Any]:
     """Return the results of one model."""
     statistics = SourceStatistics(tree)
     return {
+        **({NOISE: noise} if (noise := noise_text(tree)) else {}),
         "designs": {name: _design_json(statistics, name) for name in group_names(tree, RUNS)},
         "surrogates": {
             name: _surrogate_json(statistics, name) for name in group_names(tree, SURROGATES)

@@ -32,7 +32,7 @@ from uqpen.core.labels import (
 from uqpen.core.statistic import Shown, Statistic, UnitRule
 from uqpen.core.units import DIMENSIONLESS, Scale
 from uqpen.results.digits import SUPERSCRIPTS, estimate_text, percent_text
-from uqpen.statistics.texts import DOUBTFUL_TAIL
+from uqpen.statistics.texts import DOUBTFUL_TAIL, OF_THE_MEAN, OF_THE_WHOLE
 
 Conversion = Callable[[Any], Any]
 
@@ -208,9 +208,10 @@ def estimate_remark(array: xr.DataArray) -> str:
 
 
 def telling_note(array: xr.DataArray) -> str:
-    """Return the note of an estimate without what all means of as few runs have as their note."""
+    """Return the note of an estimate without what all of as few runs, or with noise, have."""
     parts = interval_text(array, NOTE).split("; ")
-    return "; ".join(part for part in parts if part != DOUBTFUL_TAIL)
+    of_all = (DOUBTFUL_TAIL, OF_THE_MEAN, OF_THE_WHOLE)
+    return "; ".join(part for part in parts if part not in of_all)
 
 
 def headed_models(tree: xr.DataTree) -> dict[str, xr.DataTree]:

@@ -227,6 +227,13 @@ HIDDEN_TAIL = "fewer than {runs} runs are too few to detect a heavy tail"
 HIDDEN_TAIL_OF_WEIGHTED = (
     "weights: an effective sample size below {runs} is too small to detect a heavy tail"
 )
+# What figures are of where the model has noise of its own: no caution, but their name.
+OF_THE_MEAN = "of the mean given the inputs: the noise of the model is left out"
+OF_THE_WHOLE = "of the whole output, noise of the model included"
+REMAINING = (
+    "what is left of the variance if all other inputs are known, noise included: (1 − N) T + N "
+    "with the noise's share N of the variance and the total-order index T of the mean"
+)
 DOUBTFUL_TAIL = (
     "the interval may be too narrow if extreme values are more frequent than in these runs"
 )

@@ -66,8 +66,9 @@ class Variant:
     stand_in: StandIn | None = None  # the model that it stands for, and what a run of it costs
 
     def with_model(self, model: Model) -> Variant:
-        """Return the variant with another form of its model, and the same derived outputs."""
-        return replace(self, model=model.with_derived(self.model.derived))
+        """Return the variant with another form of its model, and what the study says of it."""
+        own = model.with_derived(self.model.derived).with_noise(self.model.noise)
+        return replace(self, model=own)
 
 
 class SurrogateOrigin(NamedTuple):

@@ -164,7 +164,7 @@ def section_lines(study: ValidatedStudy) -> Iterator[str]:
 
 
 def run_limit_lines(study: ValidatedStudy) -> Iterator[str]:
-    """Yield the limits of a run of each model."""
+    """Yield the limits of a run of each model, and what is declared of its noise."""
     for name, variant in study.models.items():
         limits = variant.model.run_limits
         allowed = [] if limits.seconds is None else [f"{limits.seconds:g} s"]
@@ -172,6 +172,11 @@ def run_limit_lines(study: ValidatedStudy) -> Iterator[str]:
         if allowed:
             of = f" of {name}" * study.has_several_models
             yield f"each run{of} may take {' and '.join(allowed)}"
+        noise, model = variant.model.noise, name or "the model"
+        if noise.is_unseeded:
+            yield f"{model} has noise and no seed: no run can be repeated"
+        elif noise.seed:
+            yield f"{model} has noise; {noise.seed} is the seed of each run"
 
 
 def failure_lines(study: ValidatedStudy) -> Iterator[str]:

@@ -12,6 +12,7 @@ from scipy import linalg, optimize
 from scipy.spatial.distance import cdist
 
 from uqpen.core.arrays import FloatArray, IntArray
+from uqpen.core.units import DIMENSIONLESS
 from uqpen.distributions.distribution import Distribution
 from uqpen.surrogates.diagnostics import Diagnostic
 from uqpen.surrogates.fitted_surrogate import Prediction
@@ -229,6 +230,19 @@ class GaussianProcessFit(OutputFit):
         yield Diagnostic("q2", self.q2, "Q², runs left out")
         yield Diagnostic("nugget", self.nugget, "nugget")
         yield Diagnostic("std_factor", self.std_factor, "factor of std")
+
+    def noise_diagnostics(self, units: str) -> Iterator[Diagnostic]:
+        """Yield what its nugget means where the model has noise of its own.
+
+        The nugget is a share of the variance of the process, which may be far larger than that of
+        the output. Where the logarithm was fitted, noise is a factor: it is that of the logarithm.
+        """
+        noise = self.std / self.std_factor * math.sqrt(self.nugget)
+        of_logarithm = " of the logarithm" * bool(self.of_logarithm)
+        shown = DIMENSIONLESS if self.of_logarithm else units
+        yield Diagnostic("noise_std", self.scale * noise, f"noise std{of_logarithm}", shown)
+        # The process is of a variable with the variance 1 over the runs.
+        yield Diagnostic("noise_share", noise**2, f"noise share of variance{of_logarithm}")
 
     def scaled_coordinates(self, points: FloatArray) -> FloatArray:
         """Return the coordinates of points in units of `lengths`, as `points` has them."""

@@ -30,11 +30,15 @@ class CheckOutcome(StrEnum):
     """To the bit."""
     CLOSE = "close"
     """Within a tolerance, on another platform or with other versions."""
+    LIKELY = "likely"
+    """With noise of the model: as one would expect of the same distribution."""
     UNCHECKED = "unchecked"
     """On purpose, or because there is nothing to check."""
     IMPOSSIBLE = "impossible"
     """Cannot be checked as things are here, which the user can mend."""
     DIFFERENT = "different"
+    UNLIKELY = "unlikely"
+    """With noise of the model: one honest archive in a thousand is."""
 
 
 @dataclass(frozen=True)

@@ -38,11 +38,17 @@ from uqpen.verification.check_result import (
     first_lines,
     missing_keys,
 )
+from uqpen.verification.run_pairs import DEFAULT_RUNS, RunPairs
 from uqpen.verification.unrepeated import omitted_designs, other_recipe, without_intervals
 from uqpen.workflow import analyse_runs, run_design
+from uqpen.workflow.noise_check import is_noisy
 from uqpen.workflow.repetition import Difference, hashes_again, run_differences
 
 _ELSEWHERE = "last bits may differ where the versions or processors do, and a hash shows no size"
+
+
+# Number of runs that are repeated if a user names none, and what stands for it: noise needs more.
+FEW, SOME = 100, 0
 
 
 @dataclass(frozen=True)
@@ -51,22 +57,32 @@ class Repetition:
 
     study: ValidatedStudy  # read from the archive
     runs: Runs  # the archived ones, by model and design
-    number: int | None  # number of runs to repeat, drawn at random from all; None for all
+    # Number of runs to repeat, drawn at random from all; None for all, `SOME` for as many as show.
+    number: int | None
     tolerance: float = 0.0  # largest relative difference; 0 where every bit must be the same
     map: Map = map  # with progress: as for `uqpen.run`
     progress: Progress = field(default_factory=Progress)
 
-    def check_runs(self) -> CheckResult:
-        """Repeat runs at the archived inputs and compare them with the archived runs."""
-        found: list[Difference] = []
+    def check_runs(self) -> Iterator[CheckResult]:
+        """Repeat runs at the archived inputs and compare them with the archived runs.
+
+        Those of a model with noise of its own, and no seed, are compared by their distribution.
+        """
+        found, pairs = list[Difference](), RunPairs()
         policy = FailurePolicy(self.study.failures.retry)
         options = EvaluationOptions(map=self.map, progress=self.progress, failures=policy)
         drawn = list(self.drawn_runs())
         self.progress.announce_designs(
             {_runs_name(model, design): len(at) for model, design, at in drawn}
         )
+        repeated = {False: 0, True: 0}
+        total = dict(repeated)
+        for model, designs in self.runs.items():
+            total[self.is_random(model)] += sum(made.sizes[RUN] for made in designs.values())
         for model, design, positions in drawn:
             name, variant = _runs_name(model, design), self.study.models[model]
+            is_random = self.is_random(model)
+            repeated[is_random] += len(positions)
             self.progress.start_design(name, len(positions))
             for start in range(0, len(positions), RUNS_IN_MEMORY):  # very many are taken by parts
                 part = np.asarray(positions[start : start + RUNS_IN_MEMORY])
@@ -77,11 +93,21 @@ class Repetition:
                 points = xr.Dataset(inputs, {RUN: archived.variables[RUN]})
                 evaluator = Evaluator(variant.model, self.study.constraints)
                 again = evaluate(evaluator, points, {}, options)
-                found += run_differences(name, archived, again, variant.model.all_outputs)
-        repeated = sum(len(positions) for _, _, positions in drawn)
-        total = sum(made.sizes[RUN] for designs in self.runs.values() for made in designs.values())
-        what = f"{repeated} of {total} repeated"
-        return CheckResult.of_differences("runs", what, found, self.tolerance)
+                if is_random:
+                    pairs.add(name, archived, again, variant.model.all_outputs)
+                else:
+                    found += run_differences(name, archived, again, variant.model.all_outputs)
+        if total[False] or not total[True]:
+            what = f"{repeated[False]} of {total[False]} repeated"
+            yield CheckResult.of_differences("runs", what, found, self.tolerance)
+        if total[True]:
+            generator = Stream(self.study.seed, "verification", "noise").generator()
+            yield pairs.result(f"{repeated[True]} of {total[True]} repeated", generator)
+
+    def is_random(self, model: str) -> bool:
+        """Check if runs of a model cannot be repeated: it has noise, and its runs have no seed."""
+        own = self.study.models[model].model
+        return is_noisy(own, self.runs[model]) and not own.noise.seed
 
     def drawn_runs(self) -> Iterator[tuple[str, str, IntArray | range]]:
         """Draw runs at random from all runs, by the study's seed.
@@ -95,11 +121,14 @@ class Repetition:
             for model in self.study.models
         ]
         total = sum(size for _, _, size in places)
-        if self.number is None or self.number >= total:
+        number = self.number
+        if number == SOME:
+            number = DEFAULT_RUNS if any(map(self.is_random, self.study.models)) else FEW
+        if number is None or number >= total:
             yield from ((model, design, range(size)) for model, design, size in places if size)
             return
         generator = Stream(self.study.seed, "verification").generator()
-        drawn = np.sort(generator.choice(total, self.number, replace=False))
+        drawn = np.sort(generator.choice(total, number, replace=False))
         start = 0
         for model, design, size in places:
             positions = drawn[(drawn >= start) & (drawn < start + size)] - start
@@ -120,7 +149,7 @@ class Repetition:
                 archived, size = made[BATCH_HASH].values, run_count(made)
                 wanted = len(archived)
                 if self.number is not None:
-                    wanted = min(-(-self.number // BATCH_SIZE), wanted)
+                    wanted = min(-(-max(self.number, 1) // BATCH_SIZE), wanted)
                 stream = Stream(self.study.seed, "verification", "batches")
                 generator = stream.generator(f"{model} {design}")
                 drawn = np.sort(generator.choice(len(archived), wanted, replace=False)).tolist()

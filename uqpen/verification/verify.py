@@ -20,6 +20,7 @@ from uqpen.core.labels import (
     CONTENT,
     DEPENDENCIES,
     FORMULAS_OVER,
+    NOISE,
     NOT_MADE_AGAIN,
     RECIPE,
     REUSED_RUNS,
@@ -43,7 +44,7 @@ from uqpen.verification.archived_study import (
     restored_study,
 )
 from uqpen.verification.check_result import CheckOutcome, CheckResult
-from uqpen.verification.repetition import Repetition
+from uqpen.verification.repetition import SOME, Repetition
 from uqpen.verification.unrepeated import ADVICE, leave_out, omitted_designs
 from uqpen.workflow.repetition import TOLERANCE
 
@@ -55,7 +56,7 @@ def verify(
     path: Path,
     *,
     folder: Path | None = None,
-    runs: int | None = 100,
+    runs: int | None = SOME,
     trust: bool = False,
     objects: Objects | None = None,
     map: Map = map,
@@ -218,6 +219,7 @@ def _repeat(repetition: Repetition, tree: xr.DataTree, *, trust: bool) -> Iterat
         return
     ignored = {
         CONTENT,
+        NOISE,
         RECIPE,
         REUSED_RUNS,
         FORMULAS_OVER,
@@ -253,8 +255,12 @@ def _repeat_runs(repetition: Repetition, tree: xr.DataTree) -> Iterator[CheckRes
         repetition = replace(repetition, tolerance=TOLERANCE)
     omitted = omitted_designs(repetition.runs)
     if set(study.designs) != set(omitted):
-        yield repetition.check_runs()
-    if omitted:
+        yield from repetition.check_runs()
+    if omitted and any(map(repetition.is_random, study.models)):
+        what = "not repeated: those of a model with noise and no seed are others each time"
+        advice = 'keep = "runs" in the design keeps them, to be compared by their distribution'
+        yield CheckResult("batches", CheckOutcome.UNCHECKED, what, (advice,))
+    elif omitted:
         yield repetition.check_batches()
     # Archived files are what a model in a file was made with. The runs tell what it imports.
     objects = [each.model.name for each in study.models.values() if each.model.is_object]

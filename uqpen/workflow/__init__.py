@@ -8,8 +8,11 @@ from functools import partial
 import xarray as xr
 
 from uqpen.archive.files import FILES, files_group
+from uqpen.archive.groups import model_trees
+from uqpen.core.arrays import Arrays
 from uqpen.core.errors import TooManyFailedError
-from uqpen.core.labels import MODELS
+from uqpen.core.labels import MODELS, NOISE
+from uqpen.core.model import Results
 from uqpen.core.streams import Stream
 from uqpen.execution import Map, Progress, first_repeats
 from uqpen.execution.checkpoint import Checkpoint
@@ -24,6 +27,7 @@ from uqpen.workflow.model_groups import (
     model_form_groups,
     model_groups,
 )
+from uqpen.workflow.noise_check import NoiseCheck, check_noise, trial_noise
 
 __all__ = ["Checkpoints", "Progress", "analyse_runs", "root_attributes", "run", "run_design"]
 
@@ -36,6 +40,7 @@ def run(
     map: Map = map,
     progress: Progress | None = None,
     checkpoints: Checkpoints = lambda design, model, number: Checkpoint(),
+    seen: Mapping[str, NoiseCheck] | None = None,
 ) -> xr.DataTree:
     """Make all the runs of a study and analyse them.
 
@@ -50,6 +55,9 @@ def run(
     checkpoints : callable
         Returns the checkpoint of the runs of a design, a model and a round, given the names of the
         design and the model and the number of the round. It may contain runs already.
+    seen : mapping of str to NoiseCheck, optional
+        What an earlier archive says of the noise of models, by their names: none of their runs
+        is made again to see it.
 
     Returns
     -------
@@ -65,6 +73,7 @@ def run(
             study.failures,
             partial(_report_trial, progress, name),
             is_observed=is_user_defined(variant.model),
+            repeat=partial(_repeat_trial, study, progress, name),
         )
         for name, variant in study.models.items()
         if not isinstance(variant.model, BuiltInModel)
@@ -74,6 +83,7 @@ def run(
         progress.start_preparation(variant.model.name)
         variant.model.prepare()
     runs_by_model: dict[str, Runs] = {name: {} for name in study.models}
+    checks: dict[str, NoiseCheck] = {}
     for name, design in study.designs.items():
         progress.start_design(name, study.design_runs(name))
         stream = Stream(study.seed, "designs", name)
@@ -91,9 +101,22 @@ def run(
         except TooManyFailedError as error:
             raise type(error)(f"{name}: {error}") from None
         for model in study.models:
+            if name == next(iter(study.designs)):
+                check = (seen or {}).get(model) or check_noise(
+                    study, model, name, runs[model], map, progress
+                )
+                checks |= {model: check} if check else {}
             runs_by_model[model][name] = runs[model]
+    for model, check in checks.items():
+        runs_by_model[model] = {key: check.mark(each) for key, each in runs_by_model[model].items()}
     progress.start_analysis()
-    return analyse_runs(study, runs_by_model, progress)
+    tree = analyse_runs(study, runs_by_model, progress)
+    for model, check in checks.items():
+        node = model_trees(tree)[model]
+        node.attrs[NOISE] = check.text
+        if check.pairs is not None:
+            node[f"{NOISE}/{next(iter(study.designs))}"] = xr.DataTree(check.pairs)
+    return tree
 
 
 def analyse_runs(
@@ -120,6 +143,19 @@ def analyse_runs(
     if files := files_group(study.files(), study.folder):
         groups[f"/{FILES}"] = files
     return xr.DataTree.from_dict(groups)
+
+
+def _repeat_trial(
+    study: ValidatedStudy, progress: Progress, name: str, inputs: Arrays, results: Results
+) -> None:
+    """Make the trial run of a model again, and say what that shows before others follow."""
+    noise = (
+        ""
+        if study.models[name].model.noise.is_unseeded
+        else trial_noise(study, name, inputs, results)
+    )
+    if noise:
+        _report_trial(progress, name, f"the trial run shows {noise}")
 
 
 def _report_trial(progress: Progress, model: str, text: str) -> None:

@@ -26,6 +26,7 @@ from uqpen.execution.evaluator import recorded_map
 from uqpen.execution.first_runs import FirstRuns
 from uqpen.statistics.running_estimates import RunningEstimates
 from uqpen.study.study import ValidatedStudy
+from uqpen.workflow.noise_check import trial_noise
 
 # Runs by the name of a design, or of a model.
 Runs = dict[str, xr.Dataset]
@@ -123,6 +124,7 @@ class TrialRun:
     folder: Path | None  # folder in which its files are kept
     warnings: tuple[str, ...]  # warnings of the model about it
     seconds: float  # its duration
+    noise: str = ""  # what another run at the same inputs shows of noise; empty where it is equal
 
     @property
     def status(self) -> Status:
@@ -151,6 +153,7 @@ def trial_run(study: ValidatedStudy, name: str) -> TrialRun:
         warnings.simplefilter("always")
         results = Evaluator(model, study.constraints)(columns)
     seconds = time.monotonic() - began
+    noise = trial_noise(study, name, columns, results)
     of_run = [each.message for each in caught if isinstance(each.message, RunWarning)]
     return TrialRun(
         columns,
@@ -158,4 +161,5 @@ def trial_run(study: ValidatedStudy, name: str) -> TrialRun:
         model.run_folder({key: values.item() for key, values in columns.items()}),
         tuple(dict.fromkeys(warning.of_one_run for warning in of_run)),
         seconds,
+        noise,
     )

@@ -51,6 +51,7 @@ from uqpen.statistics.stopped_runs import decision_attributes, mark_uncertified
 from uqpen.study.identity import model_attributes
 from uqpen.study.study import ValidatedStudy
 from uqpen.workflow.design_runs import Runs
+from uqpen.workflow.noise_check import label_noise
 
 Groups = Iterator[tuple[str, xr.Dataset]]
 
@@ -100,7 +101,7 @@ def model_groups(
         fitted, attributes, outputs = surrogate_source(
             study, model, name, whole[model], steps.start
         )
-        sources[name] = attributes, outputs
+        sources[name] = attributes, label_noise(outputs, variant.model, own, is_of_surrogate=True)
         for node in fitted.subtree:
             path = f"/{SURROGATES}/{name}{node.path}".rstrip("/")
             yield path, node.to_dataset(inherit=False)
@@ -170,7 +171,8 @@ def _design_source(
                 for quantity in study.quantities_of_interest
                 if (name := quantity.output.name)
             }
-    return attributes, mark_uncertified(found, own.attrs)
+    labelled = label_noise(found, study.models[model].model, runs[model], is_of_surrogate=False)
+    return attributes, mark_uncertified(labelled, own.attrs)
 
 
 def _design_groups(

@@ -24,6 +24,7 @@ from uqpen.study.study import ValidatedStudy
 from uqpen.surrogates.fitting import cross_fit, fit_surrogate, is_built_in
 from uqpen.surrogates.output_surrogate import unfitted
 from uqpen.workflow.design_runs import Runs
+from uqpen.workflow.noise_check import add_fit_noise, is_noisy
 
 # Whoever changes how surrogates are fitted or corrected raises it: `verify` then leaves out those
 # of earlier archives.
@@ -86,6 +87,8 @@ def _surrogate_results(
     evidence = correction_evidence(draws, folds, training, check, quantities)
     corrected = correct_statistics(found.outputs, evidence, quantities)
     tree = checked.to_tree()
+    if is_noisy(variant.model, {surrogate.design: training}):
+        add_fit_noise(checked, tree)
     training, check = mean_repeats(training), None if check is None else mean_repeats(check)
     refuted = refutations(draws, folds, training, check, tree.children)
     for output, reason in refuted.items():

@@ -296,6 +296,10 @@ class Command(Model):
         return (text,)
 
     @property
+    def may_be_noisy(self) -> bool:
+        return True
+
+    @property
     def run_limits(self) -> Limits:
         return self.limits
 

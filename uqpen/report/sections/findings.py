@@ -54,6 +54,7 @@ from uqpen.results.input_measures import (
     input_label,
     input_ranking,
 )
+from uqpen.results.noise import noise_lines
 from uqpen.results.table import telling_note
 from uqpen.results.texts import capitalized, join_names, plain_text
 from uqpen.surrogates.diagnostics import refuted_outputs
@@ -319,6 +320,13 @@ def alerts(
             f"The points of {design} do not follow the stated inputs: Kolmogorov's distance of "
             f"{plain_text(str(attributes[CONTRADICTED_DISTRIBUTIONS]), 200)}.",
             "Compare the distributions and their units with the file.",
+        )
+    if found := [*noise_lines(view.tree)]:
+        yield Alert(
+            "Noise",
+            f"{plain_text(capitalized('. '.join(found)), 900)}.",
+            "Indices by runs are of the whole output, figures of a surrogate alone of the mean "
+            "given the inputs; their notes say so.",
         )
     if missing_count(view, design):
         yield Alert(
