@@ -12,6 +12,8 @@ from uqpen.archive.read import read_group
 from uqpen.core.errors import StudyError
 from uqpen.core.model import Output
 from uqpen.execution.processes import processes
+from uqpen.report.sections.summary import summary_lines
+from uqpen.results.noise import noise_lines
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.verification.run_pairs import RunPairs
 
@@ -240,6 +242,17 @@ def test_noise_at_every_point_is_seen(tmp_path, kind):
     assert pairs.y.dims == pairs.status.dims == ("run", "repeat")
     assert pairs.run.values.tolist() == [10, 30, 50]
     assert np.array_equal(pairs.y[:, 0], tree["runs/mc"].y[pairs.run])
+
+
+@pytest.mark.parametrize(("size", "is_small"), [(1e-3, True), (0.3, False)])
+def test_the_page_minds_noise_that_moves_figures(tmp_path, size, is_small):
+    code = f"import random\ndef f(a, b):\n    return {{'y': a + {size} * random.random()}}\n"
+    with pytest.warns(RuntimeWarning):
+        tree = grade(tmp_path, code)
+    (line,) = (each for each in noise_lines(tree) if each.startswith("noise of y"))
+    assert line.endswith("less than 0.1 % of the variance") == is_small
+    minded = any("Noise of the model" in each for each in summary_lines(tree))
+    assert minded != is_small
 
 
 @pytest.mark.parametrize("more", ["", "noise = false\n"])

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
 
 from uqpen.archive.read import group_names, read_group
-from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import NOISE, REPEAT, RUN, STATUS
 from uqpen.core.status import Status
 from uqpen.core.units import scale
@@ -31,27 +31,73 @@ def noise_lines(model: xr.DataTree) -> Iterator[str]:
     """Yield what was seen of the noise of a model, and of each number how much it is."""
     if text := noise_text(model):
         yield f"noise of the model: {text.removeprefix('noise: ')}"
+    for each in _of_numbers(model):
+        yield f"noise of {each.name}: {each.text}"
+
+
+def is_little(model: xr.DataTree) -> bool:
+    """Check that noise which was seen is of numbers, and a thousandth of the variance at most."""
+    shares = [each.share for each in _of_numbers(model)]
+    others = any(
+        _varies(pairs[name])
+        for design in group_names(model, NOISE)
+        for pairs in [read_group(model, NOISE, design)]
+        for name in pairs.data_vars
+        if not _is_number(pairs[name])
+    )
+    return bool(shares) and max(shares) <= _LITTLE and not others
+
+
+# Share of the variance up to which noise changes no figure of a study visibly.
+_LITTLE = 0.001
+
+
+class _OfNumber(NamedTuple):
+    """Noise of a number, from pairs of runs."""
+
+    name: str
+    units: Mapping[str, str]  # the attributes of the output
+    pairs: int
+    variance: float
+    share: float  # of the variance of the output; not a number where that is not known
+
+    @property
+    def text(self) -> str:
+        unit, pairs = shown_unit(self.units), count_text(self.pairs, "pair")
+        shown = number_text(scale(unit).difference_from_si(math.sqrt(self.variance)), 2)
+        text = f"a standard deviation of about {shown}{unit_suffix(unit)}, from {pairs} of runs"
+        if math.isnan(self.share):
+            return text
+        little = f"less than {percent_text(_LITTLE)}"
+        share = little if self.share < _LITTLE else f"some {percent_text(round(self.share, 2))}"
+        return f"{text}: {share} of the variance"
+
+
+def _of_numbers(model: xr.DataTree) -> Iterator[_OfNumber]:
+    """Yield the noise of each number of which runs at the same inputs differ."""
     for design in group_names(model, NOISE):
         pairs, runs = read_group(model, NOISE, design), first_runs(model)
-        for name in pairs.data_vars:
-            values = pairs[name]
-            is_number = values.dims == (RUN, REPEAT) and "display_units" in values.attrs
-            if not is_number:  # a status, a category, a field
+        ok = (pairs[STATUS].values == Status.OK).all(axis=1)
+        for name, values in pairs.data_vars.items():
+            if not _is_number(values):
                 continue
-            ok = (pairs[STATUS].values == Status.OK).all(axis=1)
             differences = np.diff(values.values[ok], axis=1)[:, 0]
             if differences.size < 2 or not differences.any():
                 continue
-            yield f"noise of {name}: {_amount(values.attrs, differences, runs.get(name))}"
+            variance, of_all = float((differences**2).mean()) / 2, runs.get(name)
+            whole = math.nan
+            if of_all is not None and of_all.size > 1:
+                whole = float(np.nanvar(of_all.values))
+            share = variance / whole if whole > variance else math.nan
+            yield _OfNumber(str(name), values.attrs, differences.size, variance, share)
 
 
-def _amount(attributes: dict[str, str], differences: FloatArray, runs: xr.DataArray | None) -> str:
-    """Return the standard deviation of noise in words, and its share of the variance."""
-    unit, pairs = shown_unit(attributes), count_text(len(differences), "pair")
-    variance = float((differences**2).mean()) / 2
-    shown = number_text(scale(unit).difference_from_si(math.sqrt(variance)), 2)
-    text = f"a standard deviation of about {shown}{unit_suffix(unit)}, from {pairs} of runs"
-    whole = math.nan if runs is None or runs.size < 2 else float(np.nanvar(runs.values))
-    if not whole > variance:
-        return text
-    return f"{text}: some {percent_text(round(variance / whole, 2))} of the variance"
+def _is_number(values: xr.DataArray) -> bool:
+    """Check for a number, and no status, category or field."""
+    return values.dims == (RUN, REPEAT) and "display_units" in values.attrs
+
+
+def _varies(values: xr.DataArray) -> bool:
+    """Check that values of runs at the same inputs differ."""
+    one, other = (values.isel({REPEAT: at}).values for at in (0, 1))
+    return not np.array_equal(one, other, equal_nan=one.dtype.kind == "f")

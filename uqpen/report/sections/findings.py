@@ -54,7 +54,7 @@ from uqpen.results.input_measures import (
     input_label,
     input_ranking,
 )
-from uqpen.results.noise import noise_lines
+from uqpen.results.noise import is_little, noise_lines
 from uqpen.results.table import telling_note
 from uqpen.results.texts import capitalized, join_names, plain_text
 from uqpen.surrogates.diagnostics import refuted_outputs
@@ -321,7 +321,7 @@ def alerts(
             f"{plain_text(str(attributes[CONTRADICTED_DISTRIBUTIONS]), 200)}.",
             "Compare the distributions and their units with the file.",
         )
-    if found := [*noise_lines(view.tree)]:
+    if (found := [*noise_lines(view.tree)]) and not is_little(view.tree):
         yield Alert(
             "Noise",
             f"{plain_text(capitalized('. '.join(found)), 900)}.",
