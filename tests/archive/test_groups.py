@@ -51,7 +51,7 @@ def test_groups_of_designs_have_records():
 def test_all_groups_of_an_archive_are_declared():
     tree = uqpen.run(uqpen.parse_study(STUDY))
     found = {group_place(node.path)[0] for node in tree.subtree}
-    # Bounds are of a design for intervals, which has no surrogates: see `test_interval_bounds`. Noise
+    # Bounds are of a design for intervals, without surrogates: see `test_interval_bounds`. Noise
     # is seen in a model of one's own.
     assert found == GROUPS.keys() - {"trajectory", "files", "noise", "bounds"} | {""}
     for name, group in GROUPS.items():
