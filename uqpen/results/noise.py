@@ -74,7 +74,7 @@ class _OfNumber(NamedTuple):
 
 
 def _of_numbers(model: xr.DataTree) -> Iterator[_OfNumber]:
-    """Yield the noise of each number of which runs at the same inputs differ."""
+    """Yield the noise of each number that differs between runs at the same inputs."""
     for design in group_names(model, NOISE):
         pairs, runs = read_group(model, NOISE, design), first_runs(model)
         ok = (pairs[STATUS].values == Status.OK).all(axis=1)

@@ -42,10 +42,6 @@ from uqpen.results.digits import count_text, grouped_number
 from uqpen.statistics import texts
 from uqpen.statistics.analyze import OutputStatistics
 from uqpen.study.study import ValidatedStudy
-from uqpen.surrogates.diagnostics import DIAGNOSTICS, diagnostics_dataset
-from uqpen.surrogates.fitted_surrogate import FittedSurrogate
-from uqpen.surrogates.gaussian_process_fit import GaussianProcessFit
-from uqpen.surrogates.separate_fits import SeparateFits
 from uqpen.workflow.repetition import (
     TOLERANCE,
     difference_text,
@@ -149,15 +145,6 @@ def _with_note(array: xr.DataArray, note: str) -> xr.DataArray:
     notes = [note if not each else f"{note}; {each}" for each in map(str, np.ravel(own.values))]
     values = np.array(notes, dtype=object).reshape(own.shape)
     return array.assign_coords({NOTE: (own.dims, values)})
-
-
-def add_fit_noise(fitted: FittedSurrogate, tree: xr.DataTree) -> None:
-    """Add to a surrogate's group what the nuggets of its processes mean as noise of the model."""
-    for output, each in fitted.fitted.items() if isinstance(fitted, SeparateFits) else ():
-        if isinstance(each.fit, GaussianProcessFit):
-            noise = diagnostics_dataset(each.fit.noise_diagnostics(each.output.unit))
-            group = tree.children[output].children[DIAGNOSTICS]
-            group.dataset = group.to_dataset().merge(noise)
 
 
 def check_noise(

@@ -21,10 +21,13 @@ from uqpen.statistics.surrogate.refutation import (
 from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
 from uqpen.statistics.surrogate.surrogate_statistics import surrogate_statistics
 from uqpen.study.study import ValidatedStudy
+from uqpen.surrogates.diagnostics import DIAGNOSTICS, diagnostics_dataset
 from uqpen.surrogates.fitting import cross_fit, fit_surrogate, is_built_in
+from uqpen.surrogates.gaussian_process_fit import GaussianProcessFit
 from uqpen.surrogates.output_surrogate import unfitted
+from uqpen.surrogates.separate_fits import SeparateFits
 from uqpen.workflow.design_runs import Runs
-from uqpen.workflow.noise_check import add_fit_noise, is_noisy
+from uqpen.workflow.noise_check import is_noisy
 
 # Whoever changes how surrogates are fitted or corrected raises it: `verify` then leaves out those
 # of earlier archives.
@@ -88,7 +91,12 @@ def _surrogate_results(
     corrected = correct_statistics(found.outputs, evidence, quantities)
     tree = checked.to_tree()
     if is_noisy(variant.model, {surrogate.design: training}):
-        add_fit_noise(checked, tree)
+        # What the nuggets of its processes mean as noise of the model.
+        for output, each in checked.fitted.items() if isinstance(checked, SeparateFits) else ():
+            if isinstance(each.fit, GaussianProcessFit):
+                noise = diagnostics_dataset(each.fit.noise_diagnostics(each.output.unit))
+                group = tree.children[output].children[DIAGNOSTICS]
+                group.dataset = group.to_dataset().merge(noise)
     training, check = mean_repeats(training), None if check is None else mean_repeats(check)
     refuted = refutations(draws, folds, training, check, tree.children)
     for output, reason in refuted.items():
