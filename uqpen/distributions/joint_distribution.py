@@ -297,6 +297,50 @@ class JointDistribution:
                 values |= dict(zip(group.inputs, group.values(unit).T, strict=True))
         return {name: values[name] for name in columns}
 
+    def reason_without_density(self, names: Collection[str]) -> str:
+        """Reason why some inputs have no density that is known; empty where they have one."""
+        for group in self.groups:
+            if named := [name for name in group.inputs if name in names]:
+                return f"{group.description} has no density (of {', '.join(named)})"
+        for entry in self.random:
+            name, distribution = entry.variable.name, entry.distribution
+            if name in names and distribution.log_density(np.zeros(1)) is None:
+                what = getattr(distribution, "name", type(distribution).__name__)
+                return f"the distribution of {name} ({what}) has no density"
+            joined = self.dependence is not None and name in self.dependence.inputs
+            if joined and distribution.is_discrete and {*self.dependence.inputs} & {*names}:  # type: ignore[union-attr]
+                return f"{name} is discrete, and a copula joins it: they have no density together"
+        return ""
+
+    def log_density(self, values: Arrays, names: Collection[str]) -> FloatArray:
+        """Return the logarithm of the density of some random inputs, for a ratio of densities.
+
+        Parameters
+        ----------
+        values : mapping of str to ndarray, shape (run,)
+            Of all random inputs, in SI units.
+        names : collection of str
+            The inputs; they have no `reason_without_density`. A copula that joins some of them is
+            taken at all its inputs.
+
+        Returns
+        -------
+        ndarray, shape (run,)
+            Of a discrete input it is that of its probability. -inf where there is none.
+        """
+        chosen = [entry for entry in self.random if entry.variable.name in names]
+        total = np.zeros(np.shape(next(iter(values.values()))))
+        for entry in chosen:
+            found = entry.distribution.log_density(np.asarray(values[entry.variable.name]))
+            assert found is not None  # see `reason_without_density`
+            total = total + found
+        if self.dependence is not None and {*self.dependence.inputs} & {*names}:
+            by_name = {entry.variable.name: entry.distribution for entry in self.random}
+            below = [by_name[name].cdf(np.asarray(values[name])) for name in self.dependence.inputs]
+            inside = np.clip(np.column_stack(below), *OPEN_INTERVAL)
+            total = np.where(np.isneginf(total), total, total + self.dependence.log_density(inside))
+        return total
+
 
 def points_dataset(
     joint: JointDistribution, values: Arrays, coordinates: Arrays, *, runs: int
