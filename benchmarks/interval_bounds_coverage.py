@@ -1,8 +1,9 @@
 """How often bounds over intervals contain the true ones, and how often a search is refused.
 
 A table of docs/coverage/intervals.md as `seed_table.py` makes it. The output is a function of the
-intervals and a normal number, so its mean and the probability of an event at each point of the box
-are known exactly. The design has its default numbers of runs: 400, and 300 at each bound.
+intervals and a normal number, so its mean, its quantiles and the probability of an event at each
+point of the box are known exactly. The design has its default numbers of runs: 400, and 300 at each
+bound.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from uqpen.designs.rounds import run_rounds
 from uqpen.distributions.joint_distribution import IntervalInput, JointDistribution, RandomInput
 from uqpen.distributions.univariate import Normal
 from uqpen.execution import join_rounds
-from uqpen.statistics.interval_bounds import event_bounds, mean_bounds
+from uqpen.statistics.interval_bounds import event_bounds, output_bounds
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.surrogates.interval_bounds import IntervalBounds
 
@@ -45,10 +46,14 @@ class Function(NamedTuple):
     largest: float
 
     @property
-    def bounds(self) -> tuple[float, float]:
-        """True bounds of the probability."""
-        lower, upper = norm.sf(THRESHOLD - np.array([self.least, self.largest])).tolist()
-        return lower, upper
+    def bounds(self) -> dict[str, Array]:
+        """True bounds of what has some."""
+        means = np.array([self.least, self.largest])
+        return {
+            "P(y > 2)": norm.sf(THRESHOLD - means),
+            "mean": means,
+            "95 % quantile": means + norm.ppf(0.95),
+        }
 
 
 _SLOPES = np.array([0.3, -0.25, 0.2, 0.2, -0.15, 0.1])
@@ -81,8 +86,8 @@ FUNCTIONS = {
 }
 
 
-def bounds(seed: int, function: Function, **settings: Any) -> tuple[Array, Array]:
-    """Return the bounds of the probability and of the mean, shape (end, bound) each."""
+def bounds(seed: int, function: Function, **settings: Any) -> list[Array]:
+    """Return the bounds of each of `Function.bounds`, shape (end, bound) each."""
     sides = [f"e{number}" for number in range(function.sides)]
     variables = tuple(Input(name, "1", "") for name in (*sides, "x0", "x1"))
     joint = JointDistribution(
@@ -94,7 +99,9 @@ def bounds(seed: int, function: Function, **settings: Any) -> tuple[Array, Array
         ),
         variables,
     )
-    design = IntervalBounds(events=(f"y > {THRESHOLD}",), means=("y",), **settings)
+    design = IntervalBounds(
+        events=(f"y > {THRESHOLD}",), means=("y",), quantiles={"y": [0.95]}, **settings
+    )
 
     def make_runs(drawn: Any, number: int) -> dict[str, xr.Dataset]:
         points = points_in_memory(points_of(drawn))
@@ -107,61 +114,57 @@ def bounds(seed: int, function: Function, **settings: Any) -> tuple[Array, Array
     rounds = run_rounds(design, joint, Stream(seed, "designs", "bounds"), make_runs)
     runs = join_rounds([each[""] for each in rounds], range(len(rounds)))
     runs = runs.assign_attrs({SAMPLING: str(design.sampling)})
-    of_event = [each.values[0] for each in event_bounds(runs, LEVEL).values()]
-    of_mean = [
-        each.values for _, each in mean_bounds(runs, QuantityOfInterest(Output("y", "1"), "1"))
+    found = event_bounds(runs, LEVEL) | dict(
+        output_bounds(runs, QuantityOfInterest(Output("y", "1"), "1"))
+    )
+    return [
+        np.array([found[f"{end}_{name}"].values.reshape(3) for end in ("lower", "upper")])
+        for name in ("probability", "mean", "quantile")
     ]
-    return np.array(of_event), np.array(of_mean)
 
 
 def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
     searches, function = int(case[1]), FUNCTIONS[str(case[0])]
     for seed in seeds:
-        of_event, of_mean = bounds(seed, function, searches=searches)
-        yield {
-            "intervals": int(np.isfinite(of_event).all()),
-            "covers": _holds(of_event, *function.bounds),
-            "intervals_of_mean": int(np.isfinite(of_mean).all()),
-            "covers_mean": _holds(of_mean, function.least, function.largest),
-            "least": float(np.nan_to_num(of_event[0, 1])),
-            "largest": float(np.nan_to_num(of_event[1, 2])),
-        }
+        found = bounds(seed, function, searches=searches)
+        for (name, truth), each in zip(function.bounds.items(), found, strict=True):
+            yield {
+                "of": name,
+                "intervals": int(np.isfinite(each).all()),
+                "covers": int(each[0, 1] <= truth[0] and truth[1] <= each[1, 2]),
+                "least": float(np.nan_to_num(each[0, 1])),
+                "largest": float(np.nan_to_num(each[1, 2])),
+            }
 
 
-def _holds(found: Array, least: float, largest: float) -> int:
-    return int(found[0, 1] <= least and largest <= found[1, 2])
-
-
-SUMS = ("count", "intervals", "covers", "intervals_of_mean", "covers_mean", "least", "largest")
+SUMS = ("count", "intervals", "covers", "least", "largest")
 
 
 def _page(rows: Sequence[Row]) -> Iterator[str]:
-    head = ["function", "intervals", "true bounds of the probability", "searches", "seeds"]
-    head += ["both are contained", "mean range", "both bounds of the mean", "refused"]
-    cells = totals(rows, KEYS, SUMS)
-    yield from lines(head, (_line(*key, cell) for key, cell in cells.items()))
+    head = ["function", "intervals", "searches", "bounds of", "true bounds", "seeds"]
+    cells = totals(rows, (*KEYS, "of"), SUMS)
+    named = [*head, "both are contained", "mean range", "refused"]
+    yield from lines(named, (_line(*key, cell) for key, cell in cells.items()))
 
 
-def _line(name: str, searches: int, cell: Any) -> list[str]:
+def _line(name: str, searches: int, of: str, cell: Any) -> list[str]:
     function = FUNCTIONS[name]
-    truth = " to ".join(f"{each:.3g}" for each in function.bounds)
-    covers, found, means = "–", "–", "–"
+    truth = " to ".join(f"{each:.3g}" for each in function.bounds[of])
+    row = [name, f"{function.sides}", f"{searches}", of, truth, f"{cell.count}"]
+    covers, found = "–", "–"
     if cell.intervals:
         covers = f"{per_cent(cell.covers, cell.intervals)} %"
         found = f"{cell.least / cell.intervals:.3g} to {cell.largest / cell.intervals:.3g}"
-    if cell.intervals_of_mean:
-        means = f"{per_cent(cell.covers_mean, cell.intervals_of_mean)} %"
-    row = [name, f"{function.sides}", truth, f"{searches}", f"{cell.count}", covers, found, means]
-    return [*row, f"{per_cent(cell.count - cell.intervals, cell.count)} %"]
+    return [*row, covers, found, f"{per_cent(cell.count - cell.intervals, cell.count)} %"]
 
 
 def _failing(rows: Sequence[Row]) -> Iterator[str]:
-    for (name, searches), cell in totals(rows, KEYS, SUMS).items():
-        if name == "peak of 4 %":
-            if max(cell.intervals, cell.intervals_of_mean) > 0.05 * cell.count:
-                yield f"{name}, {searches}: refused too seldom"
-        elif min(cell.covers, cell.covers_mean) < 0.93 * cell.count:
-            yield f"{name}, {searches}: {per_cent(cell.covers, cell.count)} %"
+    for key, cell in totals(rows, (*KEYS, "of"), SUMS).items():
+        if key[0] == "peak of 4 %":
+            if cell.intervals > 0.05 * cell.count:
+                yield f"{key}: refused too seldom"
+        elif cell.covers < 0.93 * cell.count:
+            yield f"{key}: {per_cent(cell.covers, cell.count)} %"
 
 
 def _cases() -> Iterator[Case]:

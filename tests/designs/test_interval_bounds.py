@@ -11,11 +11,14 @@ from study_text import study_text
 import uqpen
 from uqpen.charts.distributions import bound_charts
 from uqpen.core.labels import INTERVAL_ENDS
+from uqpen.core.model import Input
+from uqpen.distributions.joint_distribution import IntervalInput, JointDistribution, RandomInput
 from uqpen.report.sections.summary import summary_lines
 from uqpen.results.archive_view import select_view
 from uqpen.results.output_tables import output_tables
 from uqpen.study.summary import input_rows, section_lines
 from uqpen.surrogates.interval_bounds import dispersion
+from uqpen.testing import check_design
 
 BOX = {"x": "0 ± 1", "e": "{ interval = [-1, 1] }"}
 HILL = "x + 1 - 1.5 * (e - 0.3) ** 2"
@@ -59,6 +62,21 @@ def test_runs_at_a_bound_have_the_intervals_fixed_and_the_others_drawn(tree):
             assert np.unique(at["e"]).size == 1
             assert float(at["e"][0]) == pytest.approx(place, abs=0.05)
             assert np.unique(at["x"]).size == 300
+
+
+def test_both_bounds_of_quantiles_are_found(study_of):
+    design = DESIGN.partition("events")[0] + "quantiles = { y = [0.05, 0.95] }"
+    tree = uqpen.run(study_of(HILL, design, **BOX))
+    assert tree["runs/b"].sizes["run"] == 400 + 4 * 300
+    for end, shift in (("lower", 1 - 1.5 * 1.3**2), ("upper", 1)):
+        found = tree["statistics/b/y"][f"{end}_quantile"]
+        assert found["probability"].values.tolist() == [0.05, 0.95]
+        for (_, lower, upper), exact in zip(
+            found.values, shift + norm.ppf([0.05, 0.95]), strict=True
+        ):
+            assert lower <= exact <= upper
+    (table,) = [each for each in output_tables(tree) if "bounds over" in each.title]
+    assert [label for label, _ in table.rows] == ["5 % quantile of y", "95 % quantile of y"]
 
 
 def test_two_optima_of_three_intervals_are_told_apart(study_of):
@@ -135,9 +153,9 @@ def test_terminal_json_and_page_have_two_numbers_and_the_range(tree, tmp_path):
     from uqpen.results.json import archive_json
 
     found = archive_json(tree)["designs"]["b"]["bounds"]
-    lower, upper = found["y > 2"]["lower"], found["y > 2"]["upper"]
-    assert found["y > 2"]["range"] == [lower["lower"], upper["upper"]]
-    assert found["y"]["range"][0] < -1.535 < 1 < found["y"]["range"][1]
+    lower, upper = found["P(y > 2)"]["lower"], found["P(y > 2)"]["upper"]
+    assert found["P(y > 2)"]["range"] == [lower["lower"], upper["upper"]]
+    assert found["mean of y"]["range"][0] < -1.535 < 1 < found["mean of y"]["range"][1]
     assert "over all values of e" in report_page(tree)
 
 
@@ -160,6 +178,13 @@ def test_interruptions_and_workers_change_no_byte(tmp_path):
     design = 'kind = "interval-bounds"\nevents = ["depth > 1 m"]\npilot = 50\nruns = 30\n'
     box = "{ interval = [-1, 1] }"
     check_interruptions_and_workers(tmp_path, design, (1, 2), b=box)
+
+
+def test_the_design_meets_the_contract_of_designs():
+    x, e = Input("x", "1", ""), Input("e", "1", "")
+    entries = RandomInput(x, uqpen.Normal(0.0, 1.0), "1"), IntervalInput(e, -1.0, 1.0, "1")
+    design = uqpen.IntervalBounds(["y > 1"], ["y"], {"y": [0.5]}, pilot=50, runs=30)
+    check_design(design, JointDistribution(entries, (x, e)))
 
 
 def test_the_widest_cube_without_a_run_is_that_between_the_points_of_a_grid(tree):
@@ -282,6 +307,10 @@ def test_a_sample_at_each_end_is_that_of_a_model_with_the_value(tmp_path):
         ({"design": BOUNDS | {"events": ["y >= 2 m"]}}, "designs.d.events.0: "),
         ({"design": BOUNDS | {"means": ["z"]}}, "designs.d.means.0: "),
         ({"design": BOUNDS | {"pilot": 10}}, "at least 50"),
+        ({"design": BOUNDS | {"quantiles": {"z": [0.5]}}}, "designs.d.quantiles.z: "),
+        ({"design": BOUNDS | {"quantiles": {"y": [5]}}}, "a list of probabilities between 0 and 1"),
+        ({"design": BOUNDS | {"events": ["y > 2 m", "y > 2 m"]}}, "y > 2 m, twice; each event"),
+        ({"design": BOUNDS | {"quantiles": [0.5]}}, "a table of names, each with a list"),
         ({"inputs": INPUTS | {"e": "1 m"}}, "a design for bounds over intervals"),
         ({"inputs": INPUTS | {"x": "1 m"}}, "inputs that are fixed or intervals"),
         (

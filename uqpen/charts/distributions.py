@@ -85,7 +85,7 @@ def bound_charts(view: ArchiveView) -> Iterator[Chart]:
         if view.design(design).sampling is Sampling.TOWARDS_BOUNDS:
             for found in found_bounds(view.statistics, design):
                 for output in view.numeric_outputs:
-                    if found.range is not None and re.search(rf"\b{output}\b", found.name):
+                    if found.range is not None and re.search(rf"\b{output}\b", found.title):
                         yield _bound_chart(view, design, found, output)
 
 

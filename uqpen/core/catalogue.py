@@ -127,7 +127,7 @@ _OF_VALUES = [
         note_is_of_estimate=True,
         shown=Shown("mean, lower bound", 30, rank=21),
         group=MOMENTS,
-        by={Sampling.TOWARDS_BOUNDS: "uqpen.statistics.interval_bounds:mean_bounds"},
+        by={Sampling.TOWARDS_BOUNDS: "uqpen.statistics.interval_bounds:output_bounds"},
     ),
     Statistic(
         "upper_mean",
@@ -204,6 +204,17 @@ _OF_VALUES = [
         },
         takes_weights=True,
         is_of_surrogates=True,
+    ),
+    *(
+        Statistic(
+            f"{end}_quantile",
+            f"{end} bound of the quantile over the intervals",
+            (PROBABILITY,),
+            unit=UnitRule.VALUE,
+            note_is_of_estimate=True,
+            shown=Shown(f"{{entry}}, {end} bound", 41, f"{end}_quantiles", "probability"),
+        )
+        for end in ("lower", "upper")
     ),
     Statistic(
         "tolerance_limit",

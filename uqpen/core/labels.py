@@ -75,13 +75,15 @@ MOVED_AXIS = "moved_axis"
 NORMAL_DISTANCE = "normal_distance"
 # Of an input known by an interval: its ends, in the SI unit.
 INTERVAL_ENDS = "interval_ends"
-# Of a design for bounds over intervals: the events and the outputs whose means are bounded. Of each
-# run the number of the search that has led to it (0 before the first), the number of the event or
-# mean (-1 before the first search), which of its bounds (-1 the lower, 1 the upper), and what the
+# Of a design for bounds over intervals: the events, the outputs whose means are bounded, and those
+# with a probability whose quantiles are. Of each run the number of the search that has led to it (0
+# before the first), the number of the event, mean or quantile in this order (-1 before the first
+# search), which of its bounds (-1 the lower, 1 the upper), and what the
 # polynomial of the search predicts: how far the run is beyond the limit, or the output itself, in
 # standard deviations of the output before the first search.
 BOUNDED_EVENTS = "bounded_events"
 BOUNDED_MEANS = "bounded_means"
+BOUNDED_QUANTILES = "bounded_quantiles"
 BOUND_SEARCH = "bound_search"
 BOUNDED_QUANTITY = "bounded_quantity"
 BOUND_END = "bound_end"

@@ -305,6 +305,22 @@ def choices(*names: str) -> Any:
     return _table("choices", expected, names.__contains__, read_one)
 
 
+def probability_lists() -> Any:
+    """Declare a table that gives some names probabilities between 0 and 1 each."""
+    expected = "a list of probabilities between 0 and 1, such as [0.05, 0.95]"
+
+    def accepts(values: Any) -> bool:
+        is_list = isinstance(values, list | tuple) and bool(values)
+        return is_list and all(_is_within(value, 0, 1) for value in values)
+
+    def read_one(written: Any) -> Any:
+        if not accepts(written):
+            raise QuantityError(toml_text(written), expected)
+        return [*map(float, written)]
+
+    return _table("probability lists", f"a table of names, each with {expected}", accepts, read_one)
+
+
 def quantities(*, unit: str) -> Any:
     """Declare a table of names, each with a quantity in the dimension of `unit`."""
     return _table(

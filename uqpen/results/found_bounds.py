@@ -10,29 +10,34 @@ import xarray as xr
 
 from uqpen.archive.read import read_group
 from uqpen.core.labels import (
-    BOUNDED_EVENT,
-    BOUNDED_EVENTS,
-    BOUNDED_MEANS,
     BOUNDS_GROUP,
     INTERVAL_ENDS,
     INTERVAL_LEVEL,
+    PROBABILITY,
     RUNS,
+    SAMPLING,
 )
+from uqpen.core.sampling import Sampling
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.results.digits import estimate_texts, percent_text, percent_texts, range_text
 from uqpen.results.source_statistics import SourceStatistics
-from uqpen.results.table import NOTHING, OutputTable, estimate_json, estimate_remark
+from uqpen.results.table import (
+    NOTHING,
+    OutputTable,
+    estimate_json,
+    estimate_remark,
+    quantile_label,
+)
 
 
 class FoundBounds(NamedTuple):
-    """Both bounds of a probability or of a mean, as a design has found them."""
+    """Both bounds of a probability, a mean or a quantile, as a design has found them."""
 
     title: str  # what is bounded: ``"P(depth > 3 m)"``, say
-    name: str  # the event, or the output with the mean
+    unit: str  # that a value is shown in; empty for a probability
+    number: int  # that the runs of the design have for it
     lower: xr.DataArray  # (bound,): the lower bound, in SI units
     upper: xr.DataArray  # the same of the upper one
-    unit: str  # of a mean the unit that it is shown in; empty for a probability
-    number: int  # that the runs of the design have for it
 
     @property
     def range(self) -> tuple[float, float] | None:
@@ -57,23 +62,24 @@ class FoundBounds(NamedTuple):
 
 def found_bounds(statistics: SourceStatistics, design: str) -> Iterator[FoundBounds]:
     """Yield the bounds that a design has found, those of events first."""
-    attributes = read_group(statistics.tree, RUNS, design).attrs
-    events, means = (
-        [*filter(None, str(attributes.get(key, "")).split("; "))]
-        for key in (BOUNDED_EVENTS, BOUNDED_MEANS)
-    )
+    described = read_group(statistics.tree, RUNS, design).attrs
+    if described.get(SAMPLING) != Sampling.TOWARDS_BOUNDS:
+        return
+    from uqpen.surrogates.interval_bounds import bounded_in  # few archives have bounds
+
     of_events = statistics.of_runs(BOUNDS_GROUP, design)
-    if "lower_probability" in of_events:
-        both = of_events["lower_probability"], of_events["upper_probability"]
-        for number, (lower, upper) in enumerate(zip(*both, strict=True)):
-            event = str(lower[BOUNDED_EVENT].item())
-            yield FoundBounds(f"P({event})", event, lower, upper, "", number)
-    for output in statistics.scalar_outputs:
-        of_output = statistics.statistics(design, output)
-        if "lower_mean" in of_output:
-            ends, number = (of_output["lower_mean"], of_output["upper_mean"]), means.index(output)
-            unit = statistics.unit(output)
-            yield FoundBounds(f"mean of {output}", output, *ends, unit, len(events) + number)
+    for number, each in enumerate(bounded_in(described)):
+        if each.event is not None:
+            ends = (of_events[f"{end}_probability"][number] for end in ("lower", "upper"))
+            yield FoundBounds(f"P({each.event})", "", number, *ends)
+            continue
+        (output,), p = each.outputs, each.probability
+        title, name = ("mean", "mean") if p is None else (quantile_label(p), "quantile")
+        arrays = (
+            statistics.statistics(design, output)[f"{end}_{name}"] for end in ("lower", "upper")
+        )
+        ends = (array if p is None else array.sel({PROBABILITY: p}) for array in arrays)
+        yield FoundBounds(f"{title} of {output}", statistics.unit(output), number, *ends)
 
 
 def interval_inputs(tree: xr.DataTree, design: str) -> str:
@@ -105,9 +111,9 @@ def bound_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
 
 
 def bound_json(statistics: SourceStatistics, design: str) -> dict[str, Any]:
-    """Return all bounds that a design has found, by event or output, with their ranges."""
+    """Return all bounds that a design has found, by what they are of, with their ranges."""
     found = {
-        each.name: {
+        each.title: {
             "lower": estimate_json(each.lower),
             "upper": estimate_json(each.upper),
             "range": each.range and list(each.range),

@@ -1,4 +1,4 @@
-"""Bounds of probabilities and means over intervals, from runs at the bounds that a search found."""
+"""Bounds over intervals of probabilities, means and quantiles, from runs at what was found."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from uqpen.core.labels import (
     BOUNDED_QUANTITY,
     INTERVAL_ENDS,
     PREDICTED_DISTANCE,
+    PROBABILITY,
     RUN,
     SAMPLING,
     STATUS,
@@ -26,6 +27,7 @@ from uqpen.core.sampling import Sampling
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.probabilities import event_probability
+from uqpen.statistics.distribution_function.quantiles import quantiles_at
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.moments.sample_moments import mean_estimate
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
@@ -67,7 +69,7 @@ def event_bounds(runs: xr.Dataset, level: float) -> dict[str, xr.DataArray]:
         ``lower_probability`` and ``upper_probability`` along ``bounded_event`` and ``bound``; empty
         where the design has no events.
     """
-    quantities = bounded_in(runs)
+    quantities = bounded_in(runs.attrs)
     events = [place for place, each in enumerate(quantities) if each.event is not None]
     if not events:
         return {}
@@ -89,28 +91,51 @@ def event_bounds(runs: xr.Dataset, level: float) -> dict[str, xr.DataArray]:
     }
 
 
-def mean_bounds(
+def output_bounds(
     runs: xr.Dataset, quantity: QuantityOfInterest
 ) -> Iterator[tuple[str, xr.DataArray]]:
-    """Yield ``lower_mean`` and ``upper_mean`` of an output over the intervals, along ``bound``."""
+    """Estimate the bounds of the mean and of quantiles of an output over the intervals.
+
+    Yields
+    ------
+    name : str
+        ``lower_mean``, ``upper_mean``, ``lower_quantile``, ``upper_quantile``.
+    estimate : DataArray
+        Along ``bound``, those of quantiles along ``probability`` before it.
+    """
     output, level = quantity.output, quantity.confidence_level
-    for place, bounded in enumerate(bounded_in(runs)):
-        if bounded.event is not None or bounded.outputs != (output.name,):
-            continue
-        gap = dispersion(runs)
+    own = [
+        (place, each)
+        for place, each in enumerate(bounded_in(runs.attrs))
+        if each.event is None and each.outputs == (output.name,)
+    ]
+    gap = dispersion(runs) if own else 1.0
 
-        def mean(own: xr.Dataset, _: BoundedQuantity) -> Estimate:
-            return mean_estimate(replace(sample_of(own, output.name), level=level), quantity)
+    def estimate(at_bound: xr.Dataset, bounded: BoundedQuantity) -> Estimate:
+        sample = replace(sample_of(at_bound, output.name), level=level)
+        if bounded.probability is None:
+            return mean_estimate(sample, quantity)
+        return quantiles_at(sample, [bounded.probability])[0]
 
-        for end, sign in _ENDS.items():
-            yield (
-                f"{end}_mean",
-                _at_bound(runs, bounded, place, sign, gap, mean).to_array(
-                    units=output.unit,
-                    long_name=f"{end} bound of the mean of {output.title} over the intervals",
-                    level=level,
-                ),
+    for end, sign in _ENDS.items():
+        found = [_at_bound(runs, each, place, sign, gap, estimate) for place, each in own]
+        probabilities = [each.probability for _, each in own]
+        of_intervals = f"of {output.title} over the intervals"
+        for of_mean in (each for each, p in zip(found, probabilities, strict=True) if p is None):
+            long_name = f"{end} bound of the mean {of_intervals}"
+            array = of_mean.to_array(units=output.unit, long_name=long_name, level=level)
+            yield f"{end}_mean", array
+        if known := [p for p in probabilities if p is not None]:
+            described = {"units": "1", "long_name": "probability of lying below the quantile"}
+            array = Estimate.stack(
+                [each for each, p in zip(found, probabilities, strict=True) if p is not None],
+                PROBABILITY,
+                units=output.unit,
+                long_name=f"{end} bound of quantiles {of_intervals}",
+                coordinates={PROBABILITY: (PROBABILITY, np.array(known), described)},
+                level=level,
             )
+            yield f"{end}_quantile", array
 
 
 def _probability(level: float, own: xr.Dataset, quantity: BoundedQuantity) -> Estimate:

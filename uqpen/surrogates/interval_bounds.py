@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import scipy
 
-from uqpen.core.arrays import Arrays, FloatArray
+from uqpen.core.arrays import Arrays, BoolArray, FloatArray
 from uqpen.core.errors import Problem, QuantityError, toml_text
 from uqpen.core.labels import (
     BOUND_END,
     BOUND_SEARCH,
     BOUNDED_EVENTS,
     BOUNDED_MEANS,
+    BOUNDED_QUANTILES,
     BOUNDED_QUANTITY,
     INTERVAL_ENDS,
     PREDICTED_DISTANCE,
@@ -26,7 +27,7 @@ from uqpen.core.labels import (
 from uqpen.core.lookup import choices
 from uqpen.core.processors import one_blas_thread
 from uqpen.core.sampling import Sampling
-from uqpen.core.settings import count, setting
+from uqpen.core.settings import count, probability_lists, setting
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design, Rounds
@@ -41,7 +42,7 @@ from uqpen.surrogates.chaos.term_selection import HIGHEST_ORDER, FitPoints, Term
 if TYPE_CHECKING:
     import xarray as xr
 
-# What has bounds: the probability of an event, or the mean of an output.
+# What has bounds: the probability of an event, the mean of an output, or a quantile of it.
 
 LOWER, UPPER = -1, 1
 # Points of the box from which the way to the nearest run is measured.
@@ -51,10 +52,11 @@ _JOINED = "; "
 
 @dataclass(frozen=True)
 class BoundedQuantity:
-    """Probability of an event, or mean of an output, whose bounds over a box are wanted."""
+    """Probability of an event, mean or quantile of an output, which has bounds over a box."""
 
     outputs: tuple[str, ...]  # the outputs that it concerns
-    event: LimitState | None = None  # None for the mean of the output
+    event: LimitState | None = None  # None for a mean or a quantile
+    probability: float | None = None  # that of lying below the quantile; None for no quantile
 
     def distances(self, runs: xr.Dataset, deviations: Mapping[str, float]) -> FloatArray:
         """Return how far each run is beyond the limit of the event, or the output itself.
@@ -80,30 +82,33 @@ class BoundedQuantity:
         return np.where(np.isfinite(found), found, np.nan)
 
     def objective(self, distances: FloatArray) -> FloatArray:
-        """Return the mean over the last axis that is searched for its least and largest value.
+        """Return what is searched for its least and largest value, from runs along the last axis.
 
-        Of an event each run counts by a smooth step, half a standard deviation wide: the share of
-        runs in the event does not change with the box where the event is rare.
+        Of an event it is a mean in which each run counts by a smooth step, half a standard
+        deviation wide: the share of runs in the event does not change with the box where the event
+        is rare.
         """
+        if self.probability is not None:
+            return np.asarray(np.quantile(distances, self.probability, axis=-1))
         found: FloatArray = (
             distances if self.event is None else scipy.special.ndtr(2 * distances)
         ).mean(axis=-1)
         return found
 
 
-def bounded_quantities(events: Sequence[str], means: Sequence[str]) -> list[BoundedQuantity]:
-    """Return what has bounds, events before means, as runs number it."""
+def bounded_in(described: Mapping[Any, Any]) -> list[BoundedQuantity]:
+    """Return what has bounds by the attributes of the runs of a design, as the runs number it."""
+    events, means, quantiles = (
+        [*filter(None, str(described.get(key, "")).split(_JOINED))]
+        for key in (BOUNDED_EVENTS, BOUNDED_MEANS, BOUNDED_QUANTILES)
+    )
     states = map(parse_limit_state, events)
+    pairs = (each.split() for each in quantiles)
     return [
         *(BoundedQuantity(tuple(sorted(each.outputs)), each) for each in states),
         *(BoundedQuantity((output,)) for output in means),
+        *(BoundedQuantity((output,), probability=float(each)) for output, each in pairs),
     ]
-
-
-def bounded_in(runs: xr.Dataset) -> list[BoundedQuantity]:
-    """Return what has bounds by the runs of a design."""
-    parts = (str(runs.attrs.get(key, "")) for key in (BOUNDED_EVENTS, BOUNDED_MEANS))
-    return bounded_quantities(*([*filter(None, each.split(_JOINED))] for each in parts))
 
 
 def output_deviations(runs: xr.Dataset, outputs: Collection[str]) -> dict[str, float]:
@@ -148,17 +153,19 @@ class _Polynomial:
     terms: Terms  # of the standardised output
     mean: float
     deviation: float
-    is_of_box: FloatArray  # (input,): 1 for an input of the box, 0 for a random one
+    of_draws: FloatArray  # (draw, term): the factors that follow from the random inputs
+    of_box: BoolArray  # (input,): whether an input is one of the box
 
-    def part(self, inputs: Arrays, *, of_box: bool) -> FloatArray:
-        """Return the factors of the terms that follow from the random inputs or from the box."""
-        kept = self.is_of_box if of_box else 1 - self.is_of_box
-        return self.basis.matrix(inputs, (self.terms.indices * kept).astype(np.int64))
+    def values(self, inputs: Arrays) -> FloatArray:
+        """Return values at points, shape (run,)."""
+        matrix = self.basis.matrix(inputs, self.terms.indices)
+        return np.asarray(self.mean + self.deviation * (matrix @ self.terms.coefficients))
 
-    def values(self, of_draws: FloatArray, of_box: FloatArray) -> FloatArray:
-        """Return values at all pairs, shape (point, draw)."""
-        found = (of_box * self.terms.coefficients) @ of_draws.T
-        return self.mean + self.deviation * found
+    def values_of_draws(self, box: Arrays) -> FloatArray:
+        """Return values of all draws at each of some points of the box, shape (point, draw)."""
+        factors = self.basis.matrix(box, np.where(self.of_box, self.terms.indices, 0))
+        found = (factors * self.terms.coefficients) @ self.of_draws.T
+        return np.asarray(self.mean + self.deviation * found)
 
 
 class _Search:
@@ -167,56 +174,45 @@ class _Search:
     def __init__(
         self, joint: JointDistribution, runs: xr.Dataset, outputs: Collection[str], stream: Stream
     ) -> None:
-        self.joint, self.box = joint, joint.over_box()
+        self.joint = joint
         self._ends = np.array([[each.lower, each.upper] for each in joint.intervals])
         self._names = [each.variable.name for each in joint.intervals]
-        self.deviations = output_deviations(runs, outputs)
+        self._deviations = output_deviations(runs, outputs)
         self._attributes = {name: runs[name].attrs for name in outputs}
-        self._polynomials = self._fitted(runs, outputs, stream)
+        basis = ProductBasis.from_distribution(joint.over_box(), HIGHEST_ORDER)
         unit = stream.generator("draws").random((_DRAWS, len(joint.random)))
-        self._draws = joint.ppf(joint.conditional_probabilities(unit, {}))
-
-    def _fitted(
-        self, runs: xr.Dataset, outputs: Collection[str], stream: Stream
-    ) -> dict[str, _Polynomial]:
-        """Return the polynomial of each output that has one."""
-        basis = ProductBasis.from_distribution(self.box, HIGHEST_ORDER)
-        of_box = np.isin(basis.names, self._names).astype(np.float64)
+        draws = joint.ppf(joint.conditional_probabilities(unit, {}))
+        self._first_draw = {name: values[:1] for name, values in draws.items()}
+        draws |= self._repeated(self.box_points(np.zeros((1, len(self._names)))), _DRAWS)
+        of_box = np.isin(basis.names, self._names)
         used = runs[STATUS].values == Status.OK
         inputs = {name: runs[name].values[used] for name in basis.names}
-        found: dict[str, _Polynomial] = {}
+        self._polynomials: dict[str, _Polynomial] = {}
         for name in outputs:
             values = runs[name].values[used].astype(np.float64)
-            mean, deviation = (
-                float(each(values)) if used.any() else 0.0 for each in (np.mean, np.std)
-            )
-            if not deviation > 0 or not np.isfinite(deviation):
+            if not len(values) or not 0 < values.std() < np.inf:
                 continue
-            points = FitPoints(basis, inputs, 1.0)
-            standard = (values - mean) / deviation
+            mean, deviation = float(values.mean()), float(values.std())
+            points, standard = FitPoints(basis, inputs, 1.0), (values - mean) / deviation
             terms = chosen_terms(points, standard, None, stream.generator("fit", name))
             if isinstance(terms, Terms):
-                found[name] = _Polynomial(basis, terms, mean, deviation, of_box)
-        return found
+                of_draws = basis.matrix(draws, np.where(of_box, 0, terms.indices))
+                self._polynomials[name] = _Polynomial(
+                    basis, terms, mean, deviation, of_draws, of_box
+                )
 
     def can_answer(self, quantity: BoundedQuantity) -> bool:
         """Return True if each output of a quantity has a polynomial."""
         return self._polynomials.keys() >= {*quantity.outputs}
 
-    def box_point(self, unit: FloatArray) -> dict[str, FloatArray]:
-        """Return inputs at points of the unit cube, shape (point, interval)."""
+    def box_points(self, unit: FloatArray) -> dict[str, FloatArray]:
+        """Return the intervals' values at points of the unit cube, shape (point, interval)."""
         lower, upper = self._ends.T
         return dict(zip(self._names, (lower + (upper - lower) * unit).T, strict=True))
 
     def predictions(self, quantity: BoundedQuantity, inputs: Arrays) -> FloatArray:
         """Return the predicted distances at points, shape (run,)."""
-        predicted = {}
-        for name in quantity.outputs:
-            of_output = self._polynomials[name]
-            matrix = of_output.basis.matrix(inputs, of_output.terms.indices)
-            predicted[name] = of_output.mean + of_output.deviation * (
-                matrix @ of_output.terms.coefficients
-            )
+        predicted = {name: self._polynomials[name].values(inputs) for name in quantity.outputs}
         return self._distances(quantity, predicted)
 
     def optimum(self, quantity: BoundedQuantity, end: int, stream: Stream) -> FloatArray:
@@ -224,54 +220,40 @@ class _Search:
 
         The best of many points are improved step by step: along each axis and at random around.
         """
-        sides = len(self._names)
-        rng = stream.generator("search")
+        sides, rng = len(self._names), stream.generator("search")
         corners = np.array([*product([0.0, 1.0], repeat=min(sides, _MOST_SIDES))])
         if sides > _MOST_SIDES:
             corners = rng.integers(0, 2, (len(corners), sides)).astype(np.float64)
-        spread = hypercube(rng, _BEGINNING, sides)
-        points = np.concatenate([corners, spread])
-        values = end * self._objective(quantity, points)
+        points = np.concatenate([corners, hypercube(rng, _BEGINNING, sides)])
+        values = self._values(quantity, end, points)
         best = np.argsort(-values, kind="stable")[:_STARTS]
         points, values = points[best], values[best]
-        steps = np.full(len(points), _FIRST_STEP)
+        steps, every = np.full(_STARTS, _FIRST_STEP), np.arange(_STARTS)
         axes = np.concatenate([np.eye(sides), -np.eye(sides)])
         for _ in range(_STEPS):
             around = np.concatenate([axes, rng.uniform(-1, 1, (_FURTHER, sides))])
             tried = np.clip(points[:, np.newaxis] + steps[:, None, None] * around, 0, 1)
-            found = end * self._objective(quantity, tried.reshape(-1, sides)).reshape(
-                len(points), -1
-            )
+            found = self._values(quantity, end, tried.reshape(-1, sides)).reshape(_STARTS, -1)
             place = found.argmax(axis=1)
-            every = np.arange(len(points))
             is_better = found[every, place] > values
             points = np.where(is_better[:, np.newaxis], tried[every, place], points)
             values = np.where(is_better, found[every, place], values)
             steps = np.where(is_better, steps, steps / 2)
         return points[values.argmax()]
 
-    def _objective(self, quantity: BoundedQuantity, unit: FloatArray) -> FloatArray:
-        """Return the objective at points of the unit cube, shape (point,)."""
-        box = self.box_point(unit)
+    def _values(self, quantity: BoundedQuantity, end: int, unit: FloatArray) -> FloatArray:
+        """Return what is largest at a bound, at points of the unit cube, shape (point,)."""
         # Polynomials of degree 0 do not depend on their inputs, so any values of the others do.
-        for_draws = {
-            **self._draws,
-            **{name: np.full(_DRAWS, each[0]) for name, each in box.items()},
-        }
-        for_box = {
-            **box,
-            **{name: np.full(len(unit), each[0]) for name, each in self._draws.items()},
-        }
+        box = self.box_points(unit) | self._repeated(self._first_draw, len(unit))
         predicted = {
-            name: self._polynomials[name]
-            .values(
-                self._polynomials[name].part(for_draws, of_box=False),
-                self._polynomials[name].part(for_box, of_box=True),
-            )
-            .ravel()
-            for name in quantity.outputs
+            name: self._polynomials[name].values_of_draws(box).ravel() for name in quantity.outputs
         }
-        return quantity.objective(self._distances(quantity, predicted).reshape(len(unit), _DRAWS))
+        distances = self._distances(quantity, predicted).reshape(len(unit), _DRAWS)
+        return np.nan_to_num(end * quantity.objective(distances), nan=-np.inf)
+
+    @staticmethod
+    def _repeated(values: Arrays, count: int) -> dict[str, FloatArray]:
+        return {name: np.repeat(each, count) for name, each in values.items()}
 
     def _distances(self, quantity: BoundedQuantity, predicted: Arrays) -> FloatArray:
         import xarray as xr
@@ -281,7 +263,7 @@ class _Search:
         }
         size = len(next(iter(predicted.values())))
         variables[STATUS] = (RUN, np.full(size, int(Status.OK), dtype=np.int8))
-        return quantity.distances(xr.Dataset(variables), self.deviations)
+        return quantity.distances(xr.Dataset(variables), self._deviations)
 
 
 # The design.
@@ -303,7 +285,7 @@ def _texts(name: str, expected: str) -> Any:
 
 @dataclass(frozen=True)
 class IntervalBounds(Design):
-    """Bounds of probabilities and means over all values of the inputs that are intervals.
+    """Bounds of probabilities, means and quantiles over all values of inputs that are intervals.
 
     The first runs spread over the random inputs and over the box of the intervals, these as if
     uniform, for the search alone. A polynomial is fitted to them; runs where it is least and
@@ -316,6 +298,8 @@ class IntervalBounds(Design):
         Events whose probabilities have bounds, such as ``"depth > 3 m"``.
     means : sequence of str
         Outputs whose means have bounds.
+    quantiles : mapping of str to sequence of float
+        Outputs whose quantiles have bounds, each with the probabilities of lying below them.
     pilot : int
         Number of runs before the first search.
     runs : int
@@ -331,7 +315,8 @@ class IntervalBounds(Design):
 
     events: tuple[str, ...] = _texts("events", 'events in a list, such as ["depth > 3 m"]')
     means: tuple[str, ...] = _texts("means", 'outputs in a list, such as ["depth"]')
-    pilot: int = count(minimum=50, maximum=100_000, default=400)
+    quantiles: Mapping[str, Sequence[float]] = probability_lists()
+    pilot: int = count(minimum=50, maximum=20_000, default=400)
     runs: int = count(minimum=30, maximum=100_000, default=300)
     searches: int = count(maximum=5, default=1)
 
@@ -342,9 +327,14 @@ class IntervalBounds(Design):
         super().__post_init__()
 
     def check_settings(self) -> Iterator[Problem]:
-        if not self.events and not self.means:
-            expected = 'events = ["depth > 3 m"] or means = ["depth"]'
+        if not self._described:
+            expected = (
+                'events = ["depth > 3 m"], means = ["depth"] or quantiles = { depth = [0.95] }'
+            )
             yield Problem((), "nothing that has bounds", expected)
+        every = [each for lists in self._described.values() for each in lists.split(_JOINED)]
+        if twice := sorted({each for each in every if every.count(each) > 1}):
+            yield Problem((), f"{twice[0]}, twice", "each event, mean and quantile once")
         for position, event in enumerate(self.events):
             try:
                 state = parse_limit_state(event)
@@ -370,10 +360,14 @@ class IntervalBounds(Design):
         for position, event in enumerate(self.events):
             for problem in parse_limit_state(event).check_outputs(requested):
                 yield problem.within(position).within("events")
-        for position, output in enumerate(self.means):
+        places: list[tuple[str, str | int, str]] = [
+            *(("means", place, output) for place, output in enumerate(self.means)),
+            *(("quantiles", output, output) for output in self.quantiles),
+        ]
+        for key, place, output in places:
             if output not in known:
                 expected = f"an output that is a number; {choices(output, known)}"
-                yield Problem(("means", position), toml_text(output), expected)
+                yield Problem((key, place), toml_text(output), expected)
 
     def check_models(
         self, models: Collection[str], costs: Mapping[str, float]
@@ -384,16 +378,31 @@ class IntervalBounds(Design):
             yield Problem(("kind",), found, expected)
 
     def remarks(self, joint: JointDistribution) -> Iterator[str]:
-        wanted = ", ".join(
-            [*(f"P({each})" for each in self.events), *map("mean of {}".format, self.means)]
-        )
+        quantiles = ((each, p) for each, of_output in self.quantiles.items() for p in of_output)
+        wanted = [
+            *(f"P({each})" for each in self.events),
+            *(f"mean of {each}" for each in self.means),
+            *(f"{p:g} quantile of {each}" for each, p in quantiles),
+        ]
         named = ", ".join(each.variable.name for each in joint.intervals)
-        bounds = 2 * (len(self.events) + len(self.means))
         yield (
-            f"bounds of {wanted} over all values of {named}: {self.pilot} runs over inputs and "
-            + f"intervals, then {' and '.join(map(str, self._sizes))} at each of {bounds} bounds "
-            + "that a search finds"
+            f"bounds of {', '.join(wanted)} over all values of {named}: {self.pilot} runs over "
+            f"inputs and intervals, then {' and '.join(map(str, self._sizes))} at each of "
+            f"{2 * len(wanted)} bounds that a search finds"
         )
+
+    @property
+    def _described(self) -> dict[str, str]:
+        """What has bounds, as attributes of the runs."""
+        quantiles = (
+            f"{output} {each!r}" for output, of_it in self.quantiles.items() for each in of_it
+        )
+        lists = {
+            BOUNDED_EVENTS: self.events,
+            BOUNDED_MEANS: self.means,
+            BOUNDED_QUANTILES: tuple(quantiles),
+        }
+        return {key: _JOINED.join(each) for key, each in lists.items() if each}
 
     @property
     def _sizes(self) -> list[int]:
@@ -401,17 +410,13 @@ class IntervalBounds(Design):
         return [self.runs // 3] * (self.searches - 1) + [self.runs]
 
     def run_count(self, joint: JointDistribution) -> int:
-        return self.pilot + 2 * (len(self.events) + len(self.means)) * sum(self._sizes)
+        return self.pilot + 2 * len(bounded_in(self._described)) * sum(self._sizes)
 
     def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
         import xarray as xr
 
-        quantities = bounded_quantities(self.events, self.means)
+        quantities = bounded_in(self._described)
         outputs = sorted({name for each in quantities for name in each.outputs})
-        attributes = {
-            BOUNDED_EVENTS: _JOINED.join(self.events),
-            BOUNDED_MEANS: _JOINED.join(self.means),
-        }
         box = joint.over_box()
         rng = stream.generator("pilot")
         unit = hypercube(rng, self.pilot, len(box.random))
@@ -419,13 +424,14 @@ class IntervalBounds(Design):
         first = _labels(self.pilot, 0, -1, 0, np.full(self.pilot, np.nan))
         points = points_dataset(joint, box.ppf(unit), first, runs=self.pilot)
         made = []
-        feedback = yield points.assign_attrs(attributes)
+        feedback = yield points.assign_attrs(self._described)
         for number, size in enumerate(self._sizes, 1):
             runs = next(iter(feedback.runs.values()))
             names = [*(each.variable.name for each in box.random), *outputs, STATUS, BOUND_SEARCH]
             made.append(runs[names])
-            search = _Search(joint, xr.concat(made, RUN), outputs, stream.child("search", number))
             with one_blas_thread():
+                own = stream.child("search", number)
+                search = _Search(joint, xr.concat(made, RUN), outputs, own)
                 parts = [
                     self._at_bound(search, quantity, place, end, size, number, stream)
                     for place, quantity in enumerate(quantities)
@@ -438,7 +444,7 @@ class IntervalBounds(Design):
             labels = _joined([each for _, each in parts])
             runs_of_all = len(labels[BOUND_END])
             points = points_dataset(joint, values, labels, runs=runs_of_all)
-            feedback = yield points.assign_attrs(attributes)
+            feedback = yield points.assign_attrs(self._described)
 
     @staticmethod
     def _at_bound(
@@ -452,7 +458,7 @@ class IntervalBounds(Design):
     ) -> tuple[dict[str, FloatArray], dict[str, Any]]:
         """Return the inputs and the labels of the runs at a bound that a search finds."""
         own = stream.child("bound", number, place, end)
-        at = search.box_point(search.optimum(quantity, end, own)[np.newaxis])
+        at = search.box_points(search.optimum(quantity, end, own)[np.newaxis])
         joint = search.joint
         unit = own.generator("runs").random((size, len(joint.random)))
         values = joint.ppf(joint.conditional_probabilities(unit, {}))

@@ -56,7 +56,7 @@ def quantile_estimates(
 
 def requested_quantiles(sample: Sample, quantity: QuantityOfInterest) -> Estimate:
     """Return the requested quantiles of an output that is a number, along a last axis."""
-    return _quantiles_at(sample, quantity.quantiles)
+    return quantiles_at(sample, quantity.quantiles)
 
 
 def percentiles(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[str, xr.DataArray]]:
@@ -72,7 +72,7 @@ def percentiles(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[
     if quantity.output.categories:
         return
     described = {"units": "%", "long_name": "probability of lying below the percentile"}
-    array = _quantiles_at(sample, [percent / 100 for percent in _PERCENTS]).to_array(
+    array = quantiles_at(sample, [percent / 100 for percent in _PERCENTS]).to_array(
         PERCENT,
         units=quantity.output.unit,
         long_name=f"percentiles of {quantity.output.title}",
@@ -125,7 +125,7 @@ def order_statistic(sample: Sample, rank: npt.ArrayLike) -> FloatArray:
     return np.where(exists, sample.ordered(positions)[..., 0], np.nan)
 
 
-def _quantiles_at(sample: Sample, probabilities: Sequence[float]) -> Estimate:
+def quantiles_at(sample: Sample, probabilities: Sequence[float]) -> Estimate:
     """Return quantiles along a last axis."""
     values = sample_quantile(sample, probabilities)
     return Estimate.stacked(
