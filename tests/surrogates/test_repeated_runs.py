@@ -217,6 +217,20 @@ def test_corrected_indices_lose_the_slack_of_the_noise(toy):
     assert np.mean(wide) < -0.25
 
 
+def test_check_runs_correct_besides_where_their_noise_is_known_as_well(toy):
+    runs, check = noisy_runs(toy, 60, 2), noisy_runs(toy, 40, 3, seed=1)
+    once = first_repeats(check).drop_vars(["point", "repeat"])
+    first = first_repeats(runs).drop_vars(["point", "repeat"])
+
+    def used(training, check):
+        found = corrected_by(toy, CHAOS, training, check)
+        return found["mean"].attrs["estimator"].rpartition("corrected by ")[2]
+
+    assert used(runs, check) == "100 runs"
+    assert used(runs, once) == "60 runs"
+    assert used(first, check) == used(first, once) == "100 runs"
+
+
 MODEL = """
 import numpy as np
 def f(a, b, k):

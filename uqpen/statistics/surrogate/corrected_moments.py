@@ -248,6 +248,9 @@ class CorrectedMoments:
         squares, of_draws = self._squares, (runs.draws - self._mean.value) ** 2
         allowance = spacing(squares, runs.weights) + upper_allowance(runs, squares, of_draws)
         margin = found.half_width(runs.level) + allowance + found.missing_margin(runs)
+        if runs.repeats is not None:
+            # Of two values that are equally frequent, no point has an influence on the variance.
+            margin += self._mean.half_width(runs.level) ** 2
         exponent = margin / (2 * total)
         factor = math.exp(exponent) if exponent < _LARGEST_EXPONENT else math.inf
         method = texts.CORRECTED_DELTA_ON_LOGARITHM

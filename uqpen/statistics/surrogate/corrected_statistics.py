@@ -104,7 +104,7 @@ class OutputCorrection:
         and else of the output.
         """
         of_logarithm = self.indexed.get(OF_LOGARITHM, ()) if name.startswith(OF_LOGARITHM) else ()
-        q2 = next((each.runs.q2 for each in of_logarithm), self.runs.q2)
+        q2 = next((each.runs.q2_of_mean for each in of_logarithm), self.runs.q2_of_mean)
         if q2 >= _LEAST_Q2:
             return ""
         explained = texts.EXPLAINS_TOO_LITTLE.format(share=100 * max(q2, 0.0))
@@ -494,8 +494,8 @@ def correction_evidence(
     folds : CrossFit
         The fits without a fold each.
     training, check : Dataset
-        Runs of the design that it was fitted to, and of another one, if there is one. Where one
-        of them repeats its points and the other does not, the check runs correct nothing besides.
+        Runs of the design that it was fitted to, and of another one, if there is one. Where the
+        first repeats its points and the other does not, the check runs correct nothing besides.
     """
     fitted = {output.name for output in draws.model.outputs}
     wanted = [each for each in quantities if each.output.name in fitted and not each.output.dims]
@@ -505,16 +505,18 @@ def correction_evidence(
         FoldFit.of(fit, points.isel({RUN: np.flatnonzero(folds.fold == number)}))
         for number, fit in enumerate(folds.models)
     ]
+    knows_noise = REPEAT in training.coords if used else True
     # Other check runs are no draws of the distribution of the inputs.
     drawn = (Sampling.INDEPENDENT, Sampling.STRATIFIED)
     if (
         check is not None
         and Sampling(check.attrs[SAMPLING]) in drawn
         and WEIGHT not in check.coords
-        and (not used or (REPEAT in check.coords) == (REPEAT in training.coords))
+        and not (used and knows_noise and REPEAT not in check.coords)
     ):
         used.append(check)
-        parts.append(FoldFit.of(draws.model, mean_repeats(check)))
+        of_points = mean_repeats if knows_noise else first_repeats
+        parts.append(FoldFit.of(draws.model, of_points(check)))
     if not used or not wanted:
         reason = folds.reason or texts.NO_CORRECTING_RUN
         return CorrectionEvidence({}, {each.output.name: reason for each in wanted})

@@ -132,13 +132,19 @@ class CorrectionRuns:
 
     @cached_property
     def q2(self) -> float:
-        """Share of the variance that the predictions explain; 0 where there is none.
+        """Share of the variance that the predictions explain; 0 where there is none."""
+        return _explained(self.values, self.predictions, 0.0)
 
-        Of repeated runs it is that of the mean given the inputs.
-        """
-        means, noise = self.means(), float(self.noise_of_means.mean())
-        errors, variance = means - self.predictions, float(means.var()) - noise
-        return 1 - (float((errors**2).mean()) - noise) / variance if variance > 0 else 0.0
+    @cached_property
+    def q2_of_mean(self) -> float:
+        """The same of the mean given the inputs: without the noise of repeated runs."""
+        return _explained(self.means(), self.predictions, float(self.noise_of_means.mean()))
+
+
+def _explained(values: FloatArray, predictions: FloatArray, noise: float) -> float:
+    """Return the share of the variance without noise that predictions explain."""
+    errors, variance = values - predictions, float(values.var()) - noise
+    return 1 - (float((errors**2).mean()) - noise) / variance if variance > 0 else 0.0
 
 
 # Predictions of a surrogate at the inputs of failed runs: results that they may have given.
