@@ -325,6 +325,8 @@ def test_figures_say_what_they_are_of(tmp_path):
     assert note("mc", "first_order").startswith("of the whole output, noise of the model included")
     assert note("gp", "first_order").startswith("of the whole output, noise of the model included")
     assert "of the whole" not in note("blocks", "mean_total_order")
+    # What is missing is of nothing.
+    assert note("gp", "shapley").startswith("the surrogate explains ")
     fit = tree["surrogates/gp/y/diagnostics"]
     assert float(fit["noise_std"]) == pytest.approx(1.0, rel=0.25)
     assert fit["noise_std"].attrs["units"] == "1"

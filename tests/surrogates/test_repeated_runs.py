@@ -6,6 +6,7 @@ from corrected_surrogates import corrected_by, made
 from scipy.optimize import check_grad
 
 import uqpen
+from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.errors import StudyError
 from uqpen.core.labels import RUN, STATUS
 from uqpen.core.status import Status
@@ -14,6 +15,7 @@ from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.repeated import RepeatedDesign
 from uqpen.distributions.univariate import Uniform
 from uqpen.execution import first_repeats, mean_repeats, repeats_of
+from uqpen.results.source_statistics import SourceStatistics
 from uqpen.surrogates.chaos.polynomial_chaos import PolynomialChaos
 from uqpen.surrogates.fitting import cross_fit
 from uqpen.surrogates.gaussian_process import GaussianProcess
@@ -55,7 +57,7 @@ def process(deviation, points, repeats, *, seed, of_logarithm=False, **settings)
     return fit, rng
 
 
-def shares_held(deviation, points, repeats, *, seeds=20, **settings):
+def shares_held(deviation, points, repeats, *, seeds=12, **settings):
     """Return how often ± 1.96 deviations hold the mean, and runs in each third of an input."""
     found = []
     for seed in range(seeds):
@@ -71,7 +73,7 @@ def shares_held(deviation, points, repeats, *, seeds=20, **settings):
 
 def test_of_noise_that_is_the_same_everywhere_both_deviations_hold_what_they_say():
     of_mean, *thirds = shares_held(even, 60, 4)
-    # Over these seeds the standard error is 0.015 for the mean, and 0.004 for runs.
+    # Over these seeds the standard error is 0.02 for the mean, and 0.005 for runs.
     assert 0.90 <= of_mean <= 0.98
     assert 0.93 <= min(thirds) <= max(thirds) <= 0.97
 
@@ -92,6 +94,11 @@ def test_the_noise_of_a_run_is_that_of_its_repeats():
     own = fit.scale * fit.std / fit.std_factor * np.sqrt(fit.nugget)
     assert own == pytest.approx(np.sqrt(fit.noise_variances(fit.points)[0]))
     assert fit.noise_of_means == pytest.approx(fit.nugget / 4)
+    named = {each.name: each for each in fit.noise_diagnostics("m")}
+    assert (named["noise_std"].value, named["noise_std"].units) == (pytest.approx(own), "m")
+    # Of a run, whose variance has more noise in it than that of a mean.
+    whole = fit.scale**2 + own**2 * 3 / 4
+    assert named["noise_share"].value == pytest.approx(own**2 / whole)
     predicted = fit.predict(rng.random((100, 2)))
     variance = predicted.mean_std**2 + own**2
     assert predicted.std == pytest.approx(fit.std_factor * np.sqrt(variance))
@@ -198,7 +205,7 @@ def test_all_repeats_of_a_point_are_in_one_fold(toy):
 
 def test_corrected_indices_lose_the_slack_of_the_noise(toy):
     narrow, wide = [], []
-    for seed in range(6):
+    for seed in range(4):
         runs = noisy_runs(toy, 150, 4, seed)
         found = corrected_by(toy, CHAOS, runs)
         once = corrected_by(toy, CHAOS, first_repeats(runs).drop_vars(["point", "repeat"]))
@@ -274,7 +281,11 @@ def test_an_archive_predicts_the_mean_and_a_run(tmp_path):
     assert predicted.y_mean_std.attrs["long_name"] == (
         "standard deviation of the mean of y given the inputs"
     )
-    assert "mean_first_order" in tree["statistics/gp/y"]
+    found = {name: SourceStatistics(tree).get("gp", "y", name) for name in CATALOGUE}
+    notes = {name: str(found[name][0].note.values) for name in ("first_order", "shapley")}
+    assert notes["first_order"].startswith("of the whole output, noise of the model included")
+    assert notes["shapley"].startswith("of the mean given the inputs: the noise of the model")
+    assert "of the" not in str(found["mean_first_order"][0].note.values)
 
 
 @pytest.mark.parametrize(

@@ -241,8 +241,8 @@ class GaussianProcessFit(OutputFit):
         of_logarithm = " of the logarithm" * bool(self.of_logarithm)
         shown = DIMENSIONLESS if self.of_logarithm else units
         yield Diagnostic("noise_std", self.scale * noise, f"noise std{of_logarithm}", shown)
-        # The process is of a variable with the variance 1 over the runs.
-        yield Diagnostic("noise_share", noise**2, f"noise share of variance{of_logarithm}")
+        share = noise**2 / self._variance_of_runs
+        yield Diagnostic("noise_share", share, f"noise share of variance{of_logarithm}")
 
     def scaled_coordinates(self, points: FloatArray) -> FloatArray:
         """Return the coordinates of points in units of `lengths`, as `points` has them."""
@@ -281,6 +281,11 @@ class GaussianProcessFit(OutputFit):
     def _noise_of_run(self) -> float:
         """Variance of the noise in what `_variances` are of."""
         return self.nugget
+
+    @property
+    def _variance_of_runs(self) -> float:
+        """Variance of the runs, over that of the training values."""
+        return 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -335,6 +340,11 @@ class RepeatedProcessFit(GaussianProcessFit):
     @property
     def _noise_of_run(self) -> float:
         return 0.0
+
+    @property
+    def _variance_of_runs(self) -> float:
+        own = (self.std / self.std_factor) ** 2
+        return 1 + own * (self.nugget - float(self.noise_of_means.mean()))
 
 
 def trend_terms(coordinates: FloatArray, *, is_linear: bool) -> FloatArray:

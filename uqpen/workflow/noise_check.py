@@ -19,7 +19,6 @@ from uqpen.core.arrays import Arrays, IntArray
 from uqpen.core.blocks import block_ranges
 from uqpen.core.labels import (
     BOUND,
-    EQUIVALENT_RUNS,
     FAILED_RUN,
     NOISE,
     NOTE,
@@ -29,6 +28,7 @@ from uqpen.core.labels import (
     RUN,
     RUNS,
     STATUS,
+    SURROGATE_ESTIMATE,
 )
 from uqpen.core.model import Model, Results
 from uqpen.core.status import BY_MACHINE, Status
@@ -112,39 +112,45 @@ def label_noise(
 ) -> Mapping[str, OutputStatistics]:
     """Return statistics with notes on what they are of, if the model has noise of its own.
 
-    A surrogate learns the mean given the inputs, and what runs correct is of the whole output.
-    Indices by runs are of the whole; their total order has the noise in it.
+    A surrogate learns the mean given the inputs, and what runs correct is of the whole output; a
+    figure that they do not correct is the surrogate's own. Indices by runs are of the whole; their
+    total order has the noise in it.
     """
-    labelled: dict[str, OutputStatistics] = {}
     if not is_noisy(model, runs):
         return found
-    for output, statistics in found.items():
-        labelled[output] = {}
-        for name, array in statistics.items():
-            note = texts.OF_THE_WHOLE if EQUIVALENT_RUNS in array.coords else texts.OF_THE_MEAN
-            if not is_of_surrogate or name.startswith(OF_MEAN):
-                note = _index_note(name)
-            labelled[output][name] = _with_note(array, note) if note else array
-    return labelled
+    return {
+        output: {
+            name: array if name.startswith(OF_MEAN) else _with_notes(name, array, is_of_surrogate)
+            for name, array in statistics.items()
+        }
+        for output, statistics in found.items()
+    }
 
 
-def _index_note(name: str) -> str:
-    """Return what an index by runs is of; empty for others, and where the name says it."""
-    if name.startswith(OF_MEAN):
-        return ""
-    if name.endswith("total_order"):
-        return texts.REMAINING
-    return texts.OF_THE_WHOLE if name.endswith(("first_order", "second_order")) else ""
-
-
-def _with_note(array: xr.DataArray, note: str) -> xr.DataArray:
-    """Add a note to each estimate."""
+def _with_notes(name: str, array: xr.DataArray, is_of_surrogate: bool) -> xr.DataArray:
+    """Add to each estimate what it is of, where its name leaves that open."""
     if BOUND not in array.dims or NOTE not in array.coords:
         return array
     own = array.coords[NOTE]
-    notes = [note if not each else f"{note}; {each}" for each in map(str, np.ravel(own.values))]
-    values = np.array(notes, dtype=object).reshape(own.shape)
-    return array.assign_coords({NOTE: (own.dims, values)})
+    if not is_of_surrogate:
+        notes = np.full(own.shape, _index_note(name), dtype=object)
+    elif SURROGATE_ESTIMATE in array.coords:
+        found = array.values[..., 0]
+        is_own = found == array.coords[SURROGATE_ESTIMATE].values
+        notes = np.where(is_own, texts.OF_THE_MEAN, texts.OF_THE_WHOLE).astype(object)
+        notes[np.isnan(found)] = ""
+    else:
+        notes = np.full(own.shape, texts.OF_THE_MEAN, dtype=object)
+    pairs = zip(notes.ravel().tolist(), map(str, np.ravel(own.values)), strict=True)
+    values = np.array(["; ".join(filter(None, pair)) for pair in pairs], dtype=object)
+    return array.assign_coords({NOTE: (own.dims, values.reshape(own.shape))})
+
+
+def _index_note(name: str) -> str:
+    """Return what an index by runs is of; empty for others."""
+    if name.endswith("total_order"):
+        return texts.REMAINING
+    return texts.OF_THE_WHOLE if name.endswith(("first_order", "second_order")) else ""
 
 
 def check_noise(
