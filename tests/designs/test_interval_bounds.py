@@ -277,7 +277,7 @@ def test_an_interval_of_labels_is_told(tmp_path):
 def test_a_method_that_needs_a_distribution_says_so(design, tmp_path):
     found = problem(tmp_path, design=design)
     assert "over e, an interval, which has no distribution" in found
-    assert 'kind = "interval-bounds", which gives bounds; or the model at each of its ends' in found
+    assert 'kind = "interval-bounds", which gives bounds; or a value, at each of its ends' in found
 
 
 def test_a_sample_at_each_end_is_that_of_a_model_with_the_value(tmp_path):

@@ -73,6 +73,8 @@ def test_a_word_of_other_programs_is_met_with_the_one_here(path, word, here, tmp
         ("2 - 3 m", '{ uniform = { lower = "2 m", upper = "3 m" } }'),
         ("2..3 m", '{ uniform = { lower = "2 m", upper = "3 m" } }'),
         ("[2, 3] m", '{ uniform = { lower = "2 m", upper = "3 m" } }'),
+        ("200 cm to 3 m", '{ uniform = { lower = "200 cm", upper = "3 m" } }'),
+        (["2 m", "300 cm"], '{ interval = ["2 m", "300 cm"] } if nothing but the ends is known'),
         ([2, 3], "{ uniform = { lower = 2, upper = 3 } }"),
         ("N(2, 0.1) m", '"(2 ± 0.1) m"'),
         ("U(2, 3) m", '{ uniform = { lower = "2 m", upper = "3 m" } }'),

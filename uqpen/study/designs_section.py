@@ -43,9 +43,9 @@ _VALID = (
 )
 
 _OF_INTERVALS = (
-    'kind = "interval-bounds", which gives bounds; or the model at each of its ends, by '
-    "[models.<name>] with = {{ {name} = … }}; or a distribution, which is another statement and "
-    "has one answer, maybe far from both bounds"
+    'kind = "interval-bounds", which gives bounds; or a value, at each of its ends by '
+    "[models.<name>] with = {{ {name} = … }} or in a study of its own; or a distribution, which is "
+    "another statement and has one answer, maybe far from both bounds"
 )
 
 # What decides the number of runs; which designs have it, and why no other.

@@ -627,7 +627,9 @@ def _form_here(value: object) -> str:
         and len(value) == 2
         and all(type(each) in (int, float) for each in value)
     ):
-        return _between(value[0], value[1], "")
+        return _between(value[0], value[1], "", "")
+    if isinstance(value, list) and len(value) == 2 and {*map(type, value)} == {str}:
+        value = " to ".join(value)
     if not isinstance(value, str) or len(value) > _LONGEST_FORM:
         return ""
     text = value.strip().replace("\N{MINUS SIGN}", "-")
@@ -649,28 +651,28 @@ def _form_here(value: object) -> str:
         return f'"({one} ± {two}) {unit}"'.replace(' "', '"')
     if match := _RANGE.fullmatch(text.replace(",", "…") if text.startswith("[") else text):
         lower, unit, upper, other = match.groups()
-        return _between(float(lower), float(upper), other or unit)
+        return _between(float(lower), float(upper), unit or other, other or unit)
     if _FORMULA.fullmatch(text):
         return "a value or a distribution; what follows from other columns belongs to the file"
     return ""
 
 
-def _between(lower: float, upper: float, unit: str) -> str:
-    """Return both meanings of a range."""
+def _between(lower: float, upper: float, unit: str, of_upper: str) -> str:
+    """Return both meanings of a range, whose ends may be in units of their own."""
     return (
-        f"{_uniform(lower, upper, unit)} if all values between them are equally likely, or "
-        f"{{ interval = [{', '.join(_written_ends(lower, upper, unit))}] }} if nothing but the "
-        "ends is known: the first gives one answer, the second bounds"
+        f"{_uniform(lower, upper, unit, of_upper)} if all values between them are equally likely, "
+        f"or {{ interval = [{_quoted(lower, unit)}, {_quoted(upper, of_upper)}] }} if nothing but "
+        "the ends is known: the first gives one answer, the second bounds"
     )
 
 
-def _uniform(lower: float, upper: float, unit: str) -> str:
-    ends = _written_ends(lower, upper, unit)
+def _uniform(lower: float, upper: float, unit: str, of_upper: str = "") -> str:
+    ends = _quoted(lower, unit), _quoted(upper, of_upper or unit)
     return f"{{ uniform = {{ lower = {ends[0]}, upper = {ends[1]} }} }}"
 
 
-def _written_ends(lower: float, upper: float, unit: str) -> list[str]:
-    return [f'"{end:.6g} {unit}"' if unit else f"{end:.6g}" for end in (lower, upper)]
+def _quoted(value: float, unit: str) -> str:
+    return f'"{value:.6g} {unit}"' if unit else f"{value:.6g}"
 
 
 def _read_random_input(table: TableReader, variable: Input, stream: Stream) -> RandomInput | None:
