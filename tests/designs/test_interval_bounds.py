@@ -321,6 +321,10 @@ def test_a_sample_at_each_end_is_that_of_a_model_with_the_value(tmp_path):
             {"surrogates": {"s": {"kind": "polynomial-chaos", "design": "d"}}},
             "a surrogate over e, which is an interval",
         ),
+        (
+            {"model": MODEL | {"noise": True}},
+            "judged by what it leaves of runs, and it leaves noise",
+        ),
         ({"dependence": {"copula": "clayton", "inputs": ["x", "e"], "theta": 2}}, "an interval"),
     ],
 )

@@ -160,10 +160,11 @@ def check_models(
         table.add_problems(design.check_models(models, costs), name)
 
 
-# Why a method for a rare event cannot take runs with noise, by the method's name.
+# Why a method that searches cannot take runs with noise, by the method's name.
 _WITHOUT_NOISE = {
     "form": "it follows gradients and roots of the output, and noise has none",
     "active-learning": "it learns the limit by a surrogate that runs at the same inputs agree with",
+    "interval-bounds": "its polynomial is judged by what it leaves of runs, and it leaves noise",
 }
 _WITH_NOISE = (
     "monte-carlo, subset-simulation, or importance-sampling with another start than form: they "
@@ -194,7 +195,9 @@ def check_noise(
             reason = _WITHOUT_NOISE.get(method, _WITHOUT_NOISE["form"])
             found = f"a search that a model with noise of its own misleads: {reason}"
             key = "kind" if method in _WITHOUT_NOISE else "start"
-            table.add_problem((name, key), found, _WITH_NOISE)
+            is_of_intervals = method == "interval-bounds"
+            expected = "a value in place of each interval" if is_of_intervals else _WITH_NOISE
+            table.add_problem((name, key), found, expected)
     if failures.retry and any(model.noise.is_unseeded for model in noisy):
         found = f"{failures.retry} further attempts at runs of a model with noise and no seed"
         expected = (
