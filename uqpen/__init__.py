@@ -71,6 +71,7 @@ if TYPE_CHECKING:
     from uqpen.report.page import write_report as write_report
     from uqpen.results.archive import Archive as Archive
     from uqpen.results.archive import open_archive as open_archive
+    from uqpen.reweighting import reweight as reweight
     from uqpen.study.load import parse_study as parse_study
     from uqpen.study.python_study import OutputSpec as OutputSpec
     from uqpen.study.python_study import PythonModel as PythonModel
@@ -102,6 +103,7 @@ _HOMES: dict[str, Sequence[str]] = {
     "uqpen.figures.page": ("figure",),
     "uqpen.library": ("make_archive", "run", "verify"),
     "uqpen.report.page": ("write_report",),
+    "uqpen.reweighting": ("reweight",),
     "uqpen.results.archive": ("Archive", "open_archive"),
     "uqpen.study.load": ("parse_study",),
     "uqpen.study.python_study": ("OutputSpec", "PythonModel", "Study", "load_study"),

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from reweighting_coverage import SETTINGS, compared, estimates
 from scipy import special
 
 from uqpen.core.model import Input
@@ -227,3 +228,25 @@ def test_intervals_cover_where_the_rule_lets_them():
         covered += bool(lower <= 0.1 <= upper)
     assert accepted > 250
     assert covered / accepted > 0.92
+
+
+def test_reweighted_runs_agree_with_fresh_ones():
+    """A sample of `benchmarks/reweighting_coverage.py`: intervals of differences contain 0."""
+    agreed = found = covered = 0
+    for name in ("normal, moved by 0.7", "two normals, narrower", "correlation 0.3 to 0.5"):
+        setting = SETTINGS[name]
+        fresh = np.sort(setting.function(*draws(setting.asked, 100_000, 5).values()))
+        thresholds = np.quantile(fresh, [0.9, 0.95])
+        truth = np.array([0.1, 0.05, fresh.mean(), thresholds[0]])
+        for seed in range(12):
+            rng = np.random.default_rng(seed)
+            one, other = (
+                estimates(setting, thresholds, rng, is_reweighted=each) for each in (True, False)
+            )
+            known = np.isfinite(one[:, 1])
+            found += known.sum()
+            agreed += (compared(one, other) & known).sum()
+            covered += ((one[:, 1] <= truth) & (truth <= one[:, 2]) & known).sum()
+    assert found > 100
+    assert agreed >= 0.93 * found
+    assert covered >= 0.92 * found

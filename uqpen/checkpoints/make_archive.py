@@ -36,7 +36,15 @@ from uqpen.core.errors import (
     StudyError,
     TooManyFailedError,
 )
-from uqpen.core.labels import CONTENT, FORMULAS_OVER, REUSED_RUNS, RUN, RUNS, STATUS
+from uqpen.core.labels import (
+    CONTENT,
+    FORMULAS_OVER,
+    REUSED_RUNS,
+    REWEIGHTED_FROM,
+    RUN,
+    RUNS,
+    STATUS,
+)
 from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.core.model import Model
 from uqpen.core.status import Status
@@ -191,7 +199,8 @@ def _stays(
         name: found[name] for name, found in replaced.comparisons.items() if name in found
     }
     return (
-        [*model_trees(replaced.tree)] == [*of_same_name]
+        REWEIGHTED_FROM not in replaced.tree.attrs
+        and [*model_trees(replaced.tree)] == [*of_same_name]
         and is_unchanged(identity, replaced.identity, of_same_name)
         and not (resume.repeat_failed and has_missing_runs(replaced.tree))
         and is_as_made(recheck, replaced)

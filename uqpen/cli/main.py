@@ -17,8 +17,8 @@ from uqpen.core.lookup import nearest, resolve
 from uqpen.core.output_streams import lasting_streams, stream_error
 
 _NAMES = (
-    "init study check plan show export report figure compare rehearse replicate verify diff rerun "
-    "models run predict serve completion"
+    "init study check plan show export report figure compare rehearse replicate reweight verify "
+    "diff rerun models run predict serve completion"
 )
 # The environment variable by which a shell asks for completions.
 COMPLETION = "_UQPEN_COMPLETE"

@@ -240,6 +240,12 @@ CONTENT = "content_sha256"
 REUSED_RUNS = "reused_runs"
 # A line of it ends so, where none of the runs was compared with a fresh one.
 NOT_MADE_AGAIN = "runs of which none was made again before they were taken"
+# Of runs that were drawn for other distributions of the inputs, and have weights: how many of them
+# the weights leave, in words. At the root, the content hash and the study of the archive of the
+# runs.
+REWEIGHTED = "reweighted"
+REWEIGHTED_FROM = "reweighted_from"
+REWEIGHTED_STUDY = "reweighted_study_text"
 # The content hash of the archive to whose runs an archive has added formulas, at its root.
 FORMULAS_OVER = "formulas_over"
 

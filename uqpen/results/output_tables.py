@@ -24,6 +24,7 @@ from uqpen.core.labels import (
     MODELS,
     OF_EXCEEDANCE,
     PROBABILITY,
+    REWEIGHTED,
     RUNS,
     RUNS_ABSENT,
     RUNS_SPENT,
@@ -191,7 +192,7 @@ def statistics_table(statistics: SourceStatistics, name: str) -> OutputTable | N
     cells = []
     for source in table.columns:
         runs, spent = read_group(statistics.tree, RUNS, source), runs_spent(statistics.tree, source)
-        of_file = (AGREEMENT, DROPPED_ROWS, DISTANT_VALUES, CODED_INPUTS)
+        of_file = (REWEIGHTED, AGREEMENT, DROPPED_ROWS, DISTANT_VALUES, CODED_INPUTS)
         notes = [stopping_text(runs), *(str(runs.attrs.get(each, "")) for each in of_file)]
         if (cost := statistics.cost_spent(source)) is not None:
             notes.append(f"with the runs of the stand-ins, the cost of {cost:.4g} runs")

@@ -32,7 +32,7 @@ from uqpen.core.labels import (
 from uqpen.core.statistic import Shown, Statistic, UnitRule
 from uqpen.core.units import DIMENSIONLESS, Scale
 from uqpen.results.digits import SUPERSCRIPTS, estimate_text, percent_text
-from uqpen.statistics.texts import DOUBTFUL_TAIL, OF_THE_MEAN, OF_THE_WHOLE
+from uqpen.statistics.texts import DOUBTFUL_TAIL, OF_THE_MEAN, OF_THE_WHOLE, SIZES_OF_EVENT
 
 Conversion = Callable[[Any], Any]
 
@@ -207,11 +207,20 @@ def estimate_remark(array: xr.DataArray) -> str:
     return note
 
 
+_OF_ALL = frozenset((DOUBTFUL_TAIL, OF_THE_MEAN, OF_THE_WHOLE))
+
+
 def telling_note(array: xr.DataArray) -> str:
     """Return the note of an estimate without what all of as few runs, or with noise, have."""
     parts = interval_text(array, NOTE).split("; ")
-    of_all = (DOUBTFUL_TAIL, OF_THE_MEAN, OF_THE_WHOLE)
-    return "; ".join(part for part in parts if part not in of_all)
+    counted = SIZES_OF_EVENT.partition("{")[0]  # of weighted runs, all probabilities have it
+    telling = (part for part in parts if part not in _OF_ALL and not part.startswith(counted))
+    return "; ".join(telling)
+
+
+def assumes_short_tails(array: xr.DataArray) -> bool:
+    """Check for a note on what all estimates of as few runs, or with noise, are of."""
+    return not _OF_ALL.isdisjoint(interval_text(array, NOTE).split("; "))
 
 
 def headed_models(tree: xr.DataTree) -> dict[str, xr.DataTree]:

@@ -133,6 +133,18 @@ def log_weights(values: Arrays, drawn: JointDistribution, asked: JointDistributi
     return np.where(np.isneginf(over), -np.inf, over - np.where(np.isneginf(over), 0.0, under))
 
 
+def relative_weights(
+    values: Arrays, drawn: JointDistribution, asked: JointDistribution
+) -> FloatArray:
+    """Return the weights of runs over the largest of them; all 0 where no run can be drawn now.
+
+    The arguments are those of `log_weights`.
+    """
+    logarithms = log_weights(values, drawn, asked)
+    largest = logarithms.max(initial=-np.inf)
+    return np.exp(logarithms - (largest if np.isfinite(largest) else 0.0))
+
+
 # What is known of the weights before any run is looked at.
 
 
@@ -143,6 +155,7 @@ class ExpectedWeights:
     share: float  # the expected effective size over the number of runs; 0 for an infinite variance
     is_exact: bool  # False where the share is at most this
     reason: str = ""  # why the weights have no finite variance, or do not exist; empty otherwise
+    input: str = ""  # the input for that reason; empty for a dependence of several
 
 
 def expected_weights(drawn: JointDistribution, asked: JointDistribution) -> ExpectedWeights:
@@ -165,23 +178,23 @@ def expected_weights(drawn: JointDistribution, asked: JointDistribution) -> Expe
             continue
         if before[name].is_discrete != after[name].is_discrete:
             reason = f"{name} has single values in one of the two, and a density in the other"
-            return ExpectedWeights(0.0, True, reason)
+            return ExpectedWeights(0.0, True, reason, name)
         missed = _never_drawn(before[name], after[name])
         if missed is not None:
             reason = f"no run has {name} near {missed:.6g} (SI units), where it may lie now"
-            return ExpectedWeights(0.0, True, reason)
+            return ExpectedWeights(0.0, True, reason, name)
         expected = _expected_weight(before[name], after[name])
         if math.isinf(expected):
             reason = (
                 f"the weights of {name} have no finite variance: its distribution reaches too far "
                 "beyond the one that the runs were drawn from"
             )
-            return ExpectedWeights(0.0, True, reason)
+            return ExpectedWeights(0.0, True, reason, name)
         share /= expected
     joined = [joint.dependence for joint in (drawn, asked)]
     is_joined = any(each is not None and {*each.inputs} & {*names} for each in joined)
     if not _has_finite_variance(drawn, asked):
-        reason = "the weights of the copula have no finite variance: it is too strong"
+        reason = "the weights of the copula have no finite variance: it was stronger for the runs"
         return ExpectedWeights(0.0, True, reason)
     return ExpectedWeights(min(share, 1.0), not is_joined)
 

@@ -20,6 +20,7 @@ from uqpen.core.labels import (
     MATRIX,
     OPTIMIZED_BY,
     REPLICATE,
+    REWEIGHTED,
     ROUND,
     RUN,
     RUNS_ABSENT,
@@ -157,6 +158,7 @@ def _sample(runs: BlockedRuns, values: FloatArray, used: IntArray) -> Sample:
         dependence=str(runs.attrs.get(DEPENDENCE, "")),
         optimized_by=str(runs.attrs.get(OPTIMIZED_BY, "")),
         weights=runs.column(WEIGHT).astype(np.float64) if WEIGHT in coordinates else None,
+        is_reweighted=REWEIGHTED in runs.attrs,
     )
 
 

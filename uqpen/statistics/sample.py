@@ -18,6 +18,7 @@ from uqpen.core.sampling import Sampling
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.input_columns import InputColumns, Ordering, RunInputs
+from uqpen.statistics.reweighting import LEAST_SHARE, effective_share
 from uqpen.statistics.weights import effective_sizes, weighted_mean
 
 # A column of runs reduced to what the error of its mean follows from.
@@ -166,6 +167,8 @@ class Sample:
     # than the study's: the ratio of the two densities, up to a factor.
     weights: FloatArray | None = None
     level: float = LEVEL  # confidence level of the intervals of its statistics
+    # True if the weights were not chosen for what is asked: the points are of another study.
+    is_reweighted: bool = False
 
     def with_missing(self) -> Sample:
         """Return the sample with its missing runs at the end, their values NaN."""
@@ -325,7 +328,16 @@ class Sample:
             return texts.SINGLE_REPLICATE
         is_weighted = self.error_model is ErrorModel.WEIGHTED
         is_small = self.effective_size < _SMALLEST_EFFECTIVE_SIZE
+        if self.effective_share < LEAST_SHARE:
+            return texts.SMALL_SHARE.format(share=100 * self.effective_share)
         return self.too_few_runs if is_weighted and is_small else ""
+
+    @cached_property
+    def effective_share(self) -> float:
+        """Effective size of reweighted points over their number; 1 for all others."""
+        if self.weights is None or not self.is_reweighted:
+            return 1.0
+        return float(effective_share(self.weights))
 
     @property
     def too_few_runs(self) -> str:

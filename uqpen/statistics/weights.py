@@ -39,6 +39,30 @@ def runs_on_a_side(weights: FloatArray, is_above: BoolArray) -> FloatArray:
     return np.minimum(*sides)
 
 
+def fewest_on_a_side(values: FloatArray, weights: FloatArray, at: FloatArray) -> FloatArray:
+    """Effective number of runs up to or above each of some values, the smaller of the two.
+
+    Parameters
+    ----------
+    values, weights : ndarray, shape (run,)
+        The runs.
+    at : ndarray, shape (value,)
+    """
+    order = np.argsort(values, kind="stable")
+    places = np.searchsorted(values[order], at, side="right")
+    sums, squares = (
+        np.concatenate([[0.0], np.cumsum(part)]) for part in (weights[order], weights[order] ** 2)
+    )
+    sides = (
+        (total**2, np.maximum(square, np.finfo(float).tiny))
+        for total, square in (
+            (sums[places], squares[places]),
+            (sums[-1] - sums[places], squares[-1] - squares[places]),
+        )
+    )
+    return np.minimum(*(total / square for total, square in sides))
+
+
 def weighted_mean(values: FloatArray, weights: FloatArray) -> FloatArray:
     """Self-normalised mean Σwx/Σw along the last axis."""
     return (weights * values).sum(axis=-1) / weights.sum()

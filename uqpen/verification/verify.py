@@ -24,11 +24,16 @@ from uqpen.core.labels import (
     NOT_MADE_AGAIN,
     RECIPE,
     REUSED_RUNS,
+    REWEIGHTED_FROM,
+    REWEIGHTED_STUDY,
+    RUN,
+    WEIGHT,
 )
 from uqpen.execution import Map, Progress
 from uqpen.models import MODELS
 from uqpen.models.data.data_model import DataModel
 from uqpen.models.source import source_sha256
+from uqpen.statistics.reweighting import changed_inputs, relative_weights
 from uqpen.study.document import Objects
 from uqpen.study.identity import (
     MODEL_PREFIX,
@@ -39,14 +44,15 @@ from uqpen.study.identity import (
 from uqpen.verification.archived_study import (
     NamedCode,
     archived_runs,
+    archived_study,
     find_incompatibility,
     named_code,
     restored_study,
 )
-from uqpen.verification.check_result import CheckOutcome, CheckResult
+from uqpen.verification.check_result import CheckOutcome, CheckResult, find_differences
 from uqpen.verification.repetition import SOME, Repetition
 from uqpen.verification.unrepeated import ADVICE, leave_out, omitted_designs
-from uqpen.workflow.repetition import TOLERANCE
+from uqpen.workflow.repetition import TOLERANCE, Difference
 
 # Keys of what distinguishes the versions of a model.
 _SOURCE, _PROGRAM = "source_sha256", "program_sha256"
@@ -213,6 +219,8 @@ def _repeat(repetition: Repetition, tree: xr.DataTree, *, trust: bool) -> Iterat
         yield from _repeat_runs(repetition, tree)
     repetition.progress.start_analysis()
     yield from _repeat_points(repetition, named)
+    if REWEIGHTED_FROM in tree.attrs:
+        yield _check_weights(repetition, tree, trust=trust)
     study, tree, left_out = leave_out(study, tree, trust=trust)
     yield from left_out
     if not study.designs:
@@ -222,6 +230,8 @@ def _repeat(repetition: Repetition, tree: xr.DataTree, *, trust: bool) -> Iterat
         NOISE,
         RECIPE,
         REUSED_RUNS,
+        REWEIGHTED_FROM,
+        REWEIGHTED_STUDY,
         FORMULAS_OVER,
         DEPENDENCIES,
         *provenance(),
@@ -300,6 +310,31 @@ def _repeat_points(repetition: Repetition, named: NamedCode) -> Iterator[CheckRe
         except StudyError as error:  # a user-defined design fails here
             message = "a design that its study names fails"
             yield CheckResult("points", CheckOutcome.IMPOSSIBLE, message, (str(error),))
+
+
+def _check_weights(repetition: Repetition, tree: xr.DataTree, *, trust: bool) -> CheckResult:
+    """Compute the weights of runs again, from the study that drew them and the one that asks."""
+    before = tree.copy()
+    before.attrs["study_text"] = str(tree.attrs.get(REWEIGHTED_STUDY, ""))
+    asked, found = repetition.study, list[Difference]()
+    try:
+        drawn = archived_study(before, asked.folder, trust=trust).joint
+    except UqpenError as error:
+        message = "not checked: the study that drew the runs cannot be read here"
+        return _unrepeated("weights", message, str(error).partition("\n")[0])
+    if asked.joint.reason_without_density(changed_inputs(drawn, asked.joint)):
+        return _unrepeated(
+            "weights", "not checked: they follow from code that is not loaded", ADVICE
+        )
+    for model, of_model in repetition.runs.items():
+        for name, made in of_model.items():
+            values = {each.variable.name: made[each.variable.name].values for each in drawn.random}
+            weights = (RUN, relative_weights(values, drawn, asked.joint))
+            pair = xr.Dataset({WEIGHT: made[WEIGHT].variable}), xr.Dataset({WEIGHT: weights})
+            label = f"{model}: {name}" if model else name
+            found += [each.within(label) for each in find_differences(*pair, besides=None)]
+    what = "computed again from both distributions of the inputs"
+    return CheckResult.of_differences("weights", what, found, repetition.tolerance)
 
 
 def _unrepeated(part: str, message: str, advice: str) -> CheckResult:

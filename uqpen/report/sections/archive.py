@@ -30,6 +30,8 @@ from uqpen.core.labels import (
     NOTE,
     RANK,
     REPLICATE,
+    REWEIGHTED,
+    REWEIGHTED_STUDY,
     ROLE,
     RUN,
     RUNS,
@@ -91,7 +93,7 @@ _NAMES = {
 }
 # Characters of an attribute that are shown: a hash fits, and the table stays within the screen.
 _LONGEST_VALUE = 72
-_SHOWN_ELSEWHERE = ("study_text", CONTENT, "Conventions", DEPENDENCIES)
+_SHOWN_ELSEWHERE = ("study_text", CONTENT, "Conventions", DEPENDENCIES, REWEIGHTED_STUDY)
 # Distinct notes that are listed.
 _MOST_NOTES = 20
 
@@ -117,7 +119,8 @@ def archive(view: ArchiveView) -> Iterator[Block]:
             runs = read_group(each.tree, RUNS, name)
             sampling = each.design(name).sampling
             completed = grouped_number(status_counts(runs)[Status.OK])
-            purpose = "; ".join((_PURPOSES[sampling], *_surrogate_uses(each, name)))
+            weighted = str(runs.attrs.get(REWEIGHTED, ""))
+            purpose = "; ".join((weighted or _PURPOSES[sampling], *_surrogate_uses(each, name)))
             replicates = str(replicate_count(runs)) if REPLICATE in runs.variables else NOTHING
             cells = [str(sampling), grouped_number(run_count(runs)), completed, replicates, purpose]
             table.rows.append((name, cells))

@@ -9,7 +9,6 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.estimates import interval_text
 from uqpen.archive.read import group_names, read_group
 from uqpen.charts.marks import has_interval
 from uqpen.core.catalogue import MEASURES
@@ -23,7 +22,7 @@ from uqpen.core.labels import (
     DISTANT_VALUES,
     DROPPED_ROWS,
     INTERVAL_LEVEL,
-    NOTE,
+    REWEIGHTED,
     RUNS,
     SURROGATES,
 )
@@ -55,7 +54,7 @@ from uqpen.results.input_measures import (
     input_ranking,
 )
 from uqpen.results.noise import is_little, noise_lines
-from uqpen.results.table import telling_note
+from uqpen.results.table import assumes_short_tails, telling_note
 from uqpen.results.texts import capitalized, join_names, plain_text
 from uqpen.surrogates.diagnostics import refuted_outputs
 
@@ -313,14 +312,7 @@ def alerts(
     view: ArchiveView, design: str, quantities: Sequence[QuotedStatistic]
 ) -> Iterator[Alert]:
     """Yield what to mind about quantities by a design, the gravest first."""
-    attributes = read_group(view.tree, RUNS, design).attrs
-    if CONTRADICTED_DISTRIBUTIONS in attributes:
-        yield Alert(
-            "Inputs",
-            f"The points of {design} do not follow the stated inputs: Kolmogorov's distance of "
-            f"{plain_text(str(attributes[CONTRADICTED_DISTRIBUTIONS]), 200)}.",
-            "Compare the distributions and their units with the file.",
-        )
+    yield from _point_alerts(view, design)
     if (found := [*noise_lines(view.tree)]) and not is_little(view.tree):
         yield Alert(
             "Noise",
@@ -369,8 +361,26 @@ def alerts(
     yield from _input_alerts(view, design)
     estimates = [each.leading_estimate(design) for each in _with_moments(view, quantities)]
     known = [each for each in estimates if each is not None]
-    assumes = any(telling_note(each) != interval_text(each, NOTE) for each in known)
+    assumes = any(map(assumes_short_tails, known))
     yield _scope_alert(view, design, few_runs=assumes)
+
+
+def _point_alerts(view: ArchiveView, design: str) -> Iterator[Alert]:
+    """Yield what to mind about the points of a design as draws of the inputs."""
+    attributes = read_group(view.tree, RUNS, design).attrs
+    if CONTRADICTED_DISTRIBUTIONS in attributes:
+        yield Alert(
+            "Inputs",
+            f"The points of {design} do not follow the stated inputs: Kolmogorov's distance of "
+            f"{plain_text(str(attributes[CONTRADICTED_DISTRIBUTIONS]), 200)}.",
+            "Compare the distributions and their units with the file.",
+        )
+    if REWEIGHTED in attributes:
+        yield Alert(
+            "Weights",
+            f"{capitalized(plain_text(str(attributes[REWEIGHTED]), 300))}.",
+            "Where an interval is missing, make fresh runs of this study.",
+        )
 
 
 def _with_moments(

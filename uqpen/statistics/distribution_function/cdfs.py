@@ -14,9 +14,14 @@ from uqpen.statistics.distribution_function.quantiles import has_enough_runs_aro
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.intervals import ascending, clopper_pearson, dkw_half_width, student_interval
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.statistics.reweighting import ENOUGH_ON_A_SIDE
 from uqpen.statistics.sample import ErrorModel, Sample
 from uqpen.statistics.standard_errors import rounding_error
-from uqpen.statistics.weights import weighted_cdf, weighted_probability_interval
+from uqpen.statistics.weights import (
+    fewest_on_a_side,
+    weighted_cdf,
+    weighted_probability_interval,
+)
 
 # A distribution function is kept at this many equally spaced probabilities.
 RANKS = 1001
@@ -76,6 +81,9 @@ def _bands(sample: Sample, values: FloatArray) -> tuple[Estimate, Estimate]:
     ends = weighted_probability_interval(estimate, errors, sample.run_weights, sample.level)
     lower, upper = map(ascending, ends)
     pointwise = Estimate(estimate, lower, upper, texts.CLOPPER_PEARSON_WEIGHTED, "nominal")
+    if sample.is_reweighted:
+        runs = fewest_on_a_side(sample.values, sample.run_weights, values)
+        pointwise = pointwise.remove_bounds_at(runs < ENOUGH_ON_A_SIDE, texts.FEW_ON_A_SIDE)
     return pointwise, Estimate.without_bounds(estimate, texts.NO_WEIGHTED_BAND)
 
 

@@ -19,10 +19,16 @@ from uqpen.statistics.distribution_function.quantiles import has_enough_runs_aro
 from uqpen.statistics.estimate import LEVEL, Estimate
 from uqpen.statistics.intervals import clopper_pearson, student_interval
 from uqpen.statistics.quantity_of_interest import Acceptable, QuantityOfInterest, Threshold
+from uqpen.statistics.reweighting import has_enough_on_both_sides
 from uqpen.statistics.run_samples import sample_of_statuses
 from uqpen.statistics.sample import Column, ErrorModel, Sample
 from uqpen.statistics.standard_errors import probability_error
-from uqpen.statistics.weights import runs_on_a_side, weighted_probability_interval, weighted_share
+from uqpen.statistics.weights import (
+    effective_sizes,
+    runs_on_a_side,
+    weighted_probability_interval,
+    weighted_share,
+)
 
 # With fewer effective runs on one side, the error of weighted runs may be larger than it shows.
 _FEWEST_BEYOND = 10
@@ -215,7 +221,13 @@ def _weighted_probability(sample: Sample, weights: FloatArray, events: Column) -
     ends = weighted_probability_interval(value, error, weights, sample.level)
     is_doubtful = runs_on_a_side(weights, events) < _FEWEST_BEYOND
     note = np.where(is_doubtful, texts.DOUBTFUL_AS.format(reason=texts.FEW_WEIGHTED_BEYOND), "")
+    if sample.is_reweighted:
+        sizes = {"on": effective_sizes(weights * events), "off": effective_sizes(weights * ~events)}
+        note = np.array("" if sample.is_at_places else texts.SIZES_OF_EVENT.format(**sizes))
     found = Estimate(value, *ends, texts.CLOPPER_PEARSON_WEIGHTED, "nominal", note)
+    if sample.is_reweighted:
+        is_few = ~has_enough_on_both_sides(weights, events)
+        found = found.remove_bounds_at(is_few, texts.FEW_ON_A_SIDE)
     return found.remove_bounds_at((value <= 0) | (value >= 1), texts.CONSTANT_EVENT)
 
 
@@ -247,6 +259,6 @@ def event_probability(sample: Sample, events: Column) -> Estimate:
         lower=as_none.lower,
         upper=as_all.upper,
         label="conservative",
-        note=note,
+        note=found.with_note(note).note if sample.is_reweighted else note,
     )
     return found.replace_at(found.has_bounds, widened)

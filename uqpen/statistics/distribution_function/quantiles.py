@@ -19,6 +19,7 @@ from uqpen.statistics.intervals import (
     student_quantile,
 )
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.statistics.reweighting import ENOUGH_ON_A_SIDE
 from uqpen.statistics.sample import ENOUGH_RUNS_FOR_MEANS, ErrorModel, Sample
 from uqpen.statistics.standard_errors import cdf_error, extreme_margins, mean_margins
 from uqpen.statistics.weights import effective_sizes, runs_on_a_side, weighted_quantile
@@ -174,9 +175,11 @@ def _weighted_quantile_estimate(
     ends = student_interval(p, error, freedom, sample.level, lowest=0.0, highest=1.0)
     levels = np.stack(ends, axis=-1)
     lower, upper = np.moveaxis(weighted_quantile(sample.values, weights, levels), -1, 0)
-    is_few = runs_on_a_side(weights, sample.values > value[..., np.newaxis]) < _FEWEST_BEYOND
+    runs = runs_on_a_side(weights, sample.values > value[..., np.newaxis])
     found = Estimate(value, lower, upper, texts.WOODRUFF_WEIGHTED, "nominal")
-    return found.remove_bounds_at(is_few, texts.FEW_WEIGHTED_BEYOND)
+    if sample.is_reweighted:
+        found = found.remove_bounds_at(runs < ENOUGH_ON_A_SIDE, texts.FEW_ON_A_SIDE)
+    return found.remove_bounds_at(runs < _FEWEST_BEYOND, texts.FEW_WEIGHTED_BEYOND)
 
 
 # Expected shortfall: the mean of an output beyond a quantile.

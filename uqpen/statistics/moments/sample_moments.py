@@ -19,6 +19,7 @@ from uqpen.statistics.distribution_function.quantiles import has_enough_runs_aro
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.intervals import student_interval
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.statistics.reweighting import ENOUGH_SHARE
 from uqpen.statistics.sample import ENOUGH_RUNS_FOR_MEANS, Column, ErrorModel, Sample, SampleShape
 from uqpen.statistics.standard_errors import (
     cdf_error,
@@ -109,6 +110,8 @@ def _mean(sample: Sample, shape: SampleShape) -> Estimate:
     # The note depends on the number of runs alone: a note on samples that look heavy would leave
     # those without it that have missed the tail.
     note = np.where(sample.is_constant, "", texts.DOUBTFUL_TAIL if is_small else "")
+    if sample.effective_share < ENOUGH_SHARE:
+        note = np.full(note.shape, texts.APPROXIMATE.format(share=100 * sample.effective_share))
     residuals = sample.residual_method, "conservative"
     method = _MEAN_METHODS.get(sample.error_model, residuals)
     found = Estimate(shape.mean, *ends, *method, note)
@@ -151,6 +154,8 @@ def _std_with_bounds(sample: Sample, shape: SampleShape, std: FloatArray) -> Est
     method = texts.DELTA_FOR_SKEWED if is_replicated else texts.DELTA_ON_LOGARITHM
     method = method.format(error_model=sample.error_model)
     note = texts.DOUBTFUL_TAIL if shape.is_small else ""
+    if sample.effective_share < ENOUGH_SHARE:
+        note = texts.APPROXIMATE.format(share=100 * sample.effective_share)
     found = Estimate(value, value / below, value * above, method, label, note)
     found = found.remove_bounds_at(_is_falsely_exact(sample, error), texts.NO_SCATTER_OF_STRATA)
     see = "" if sample.is_at_places else texts.SEE_HALF_SPREAD

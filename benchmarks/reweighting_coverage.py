@@ -1,0 +1,224 @@
+"""How often answers of reweighted runs agree with fresh runs, and how often both contain the truth.
+
+A table of docs/coverage/reweighted.md as `seed_table.py` makes it. Two answers agree where the
+interval of their difference contains 0, by the distances of the facing ends (MOVER).
+"""
+
+from __future__ import annotations
+
+import functools
+import sys
+from argparse import Namespace
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+from seed_table import LOWEST, Case, Row, SeedTable, lines, per_cent, totals
+
+from uqpen.core.labels import REWEIGHTED, RUN, SAMPLING, STATUS, WEIGHT
+from uqpen.core.model import Input, Output
+from uqpen.core.sampling import Sampling
+from uqpen.distributions.copulas import GaussianCopula
+from uqpen.distributions.distribution import Distribution
+from uqpen.distributions.joint_distribution import (
+    JointDistribution,
+    RandomInput,
+    points_dataset,
+)
+from uqpen.distributions.univariate import Beta, Discrete, Gamma, Normal, Student, Uniform
+from uqpen.statistics.analyze import analyze
+from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
+from uqpen.statistics.reweighting import expected_weights, relative_weights
+
+Array = npt.NDArray[np.float64]
+RUNS, OF_THE_TRUTH = 1500, 2_000_000
+# Probabilities of the events, and of the quantile.
+PROBABILITIES = (0.1, 0.05)
+STATISTICS = ("P 10 %", "P 5 %", "mean", "90 % quantile")
+
+
+def _joint(*distributions: Distribution, correlation: float = 0.0) -> JointDistribution:
+    entries = tuple(
+        RandomInput(Input(f"x{place}", "1", ""), each, "1")
+        for place, each in enumerate(distributions)
+    )
+    names = tuple(each.variable.name for each in entries)
+    matrix = ((1.0, correlation), (correlation, 1.0))
+    dependence = GaussianCopula(names, matrix) if correlation else None
+    return JointDistribution(entries, tuple(each.variable for each in entries), dependence)
+
+
+class Setting(NamedTuple):
+    """Distributions of the runs and of the question, and a function of their inputs."""
+
+    drawn: JointDistribution
+    asked: JointDistribution
+    function: Callable[[Array, Array], Array]
+
+
+def _sum(one: Array, other: Array) -> Array:
+    return one + other
+
+
+def _curved(one: Array, other: Array) -> Array:
+    return np.exp(0.4 * one) + 0.5 * other**2
+
+
+_NORMAL = Normal(0.0, 1.0)
+SETTINGS = {
+    "normal, moved by 0.3": Setting(
+        _joint(_NORMAL, _NORMAL), _joint(Normal(0.3, 1.0), _NORMAL), _sum
+    ),
+    "normal, moved by 0.7": Setting(
+        _joint(_NORMAL, _NORMAL), _joint(Normal(0.7, 1.0), _NORMAL), _sum
+    ),
+    "two normals, moved and wider": Setting(
+        _joint(_NORMAL, _NORMAL), _joint(Normal(0.3, 1.1), Normal(0.0, 1.1)), _curved
+    ),
+    "two normals, narrower": Setting(
+        _joint(_NORMAL, _NORMAL), _joint(Normal(0.2, 0.8), Normal(0.0, 0.8)), _curved
+    ),
+    "normal, moved by 1": Setting(
+        _joint(_NORMAL, _NORMAL), _joint(Normal(1.0, 1.0), _NORMAL), _curved
+    ),
+    "uniform to beta": Setting(
+        _joint(Uniform(0.0, 1.0), _NORMAL), _joint(Beta(2.0, 3.0, 0.0, 1.0), _NORMAL), _sum
+    ),
+    "gamma, larger mean": Setting(
+        _joint(Gamma(3.0, 1.0), _NORMAL), _joint(Gamma(3.4, 1.0), _NORMAL), _sum
+    ),
+    "Student's t to normal": Setting(
+        _joint(Student(0.0, 1.0, 5.0), _NORMAL), _joint(_NORMAL, _NORMAL), _curved
+    ),
+    "correlation 0.3 to 0.5": Setting(
+        _joint(_NORMAL, _NORMAL, correlation=0.3), _joint(_NORMAL, _NORMAL, correlation=0.5), _sum
+    ),
+    "other shares of two values": Setting(
+        _joint(Discrete((0.0, 1.0), (1.0, 1.0)), _NORMAL),
+        _joint(Discrete((0.0, 1.0), (1.0, 3.0)), _NORMAL),
+        _curved,
+    ),
+}
+
+
+def _draw(joint: JointDistribution, runs: int, rng: np.random.Generator) -> dict[str, Array]:
+    return joint.ppf(joint.conditional_probabilities(rng.random((runs, 2)), {}))
+
+
+@functools.cache
+def truths(name: str) -> tuple[Array, Array]:
+    """Return the thresholds, and the true values of the statistics."""
+    setting = SETTINGS[name]
+    values = np.sort(
+        setting.function(*_draw(setting.asked, OF_THE_TRUTH, np.random.default_rng(1)).values())
+    )
+    thresholds = np.quantile(values, 1 - np.array(PROBABILITIES))
+    return thresholds, np.array([*PROBABILITIES, values.mean(), np.quantile(values, 0.9)])
+
+
+def estimates(
+    setting: Setting, thresholds: Array, rng: np.random.Generator, *, is_reweighted: bool
+) -> Array:
+    """Return value, lower and upper end of each statistic, shape (statistic, 3)."""
+    values = _draw(setting.drawn if is_reweighted else setting.asked, RUNS, rng)
+    output = (RUN, setting.function(*values.values()), {"units": "1"})
+    status = (RUN, np.zeros(RUNS, np.int8))
+    runs = points_dataset(setting.asked, values, {}, runs=RUNS)
+    runs = runs.assign({"y": output, STATUS: status})
+    runs.attrs[SAMPLING] = str(Sampling.INDEPENDENT)
+    if is_reweighted:
+        weights = relative_weights(values, setting.drawn, setting.asked)
+        runs = runs.assign_coords({WEIGHT: (RUN, weights)}).assign_attrs({REWEIGHTED: "1"})
+    asked = QuantityOfInterest(
+        Output("y", "1"),
+        "1",
+        thresholds=tuple(Threshold(f"{each:g}", float(each)) for each in thresholds),
+        quantiles=(0.9,),
+    )
+    found = analyze(runs, [asked], only=("moments", "exceedance", "quantiles"))["y"]
+    return np.vstack([found["exceedance"].values, found["mean"].values, _quantile(found)])
+
+
+def _quantile(found: dict[str, xr.DataArray]) -> Array:
+    return np.asarray(found["quantile"].sel(probability=0.9).values)
+
+
+def compared(one: Array, other: Array) -> Array:
+    """Return where the intervals of differences contain 0, shape (statistic,)."""
+    lower, upper = one[:, 0] - one[:, 1], one[:, 2] - one[:, 0]
+    below, above = other[:, 0] - other[:, 1], other[:, 2] - other[:, 0]
+    difference = one[:, 0] - other[:, 0]
+    result: Array = (difference - np.hypot(lower, above) <= 0) & (
+        difference + np.hypot(upper, below) >= 0
+    )
+    return result
+
+
+def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
+    setting = SETTINGS[str(case[0])]
+    thresholds, truth = truths(str(case[0]))
+    for seed in seeds:
+        rng = np.random.default_rng([seed, 39])
+        again = estimates(setting, thresholds, rng, is_reweighted=True)
+        fresh = estimates(setting, thresholds, rng, is_reweighted=False)
+        has_both = np.isfinite(again[:, 1]) & np.isfinite(fresh[:, 1])
+        row: dict[str, Any] = {}
+        for place, agrees in enumerate(compared(again, fresh)):
+            name = f"s{place}"
+            row[f"{name}_found"] = int(has_both[place])
+            row[f"{name}_agrees"] = int(agrees & has_both[place])
+            covers = again[place, 1] <= truth[place] <= again[place, 2]
+            row[f"{name}_covers"] = int(covers & has_both[place])
+        yield row
+
+
+_COUNTED = [f"s{place}_{what}" for place in range(4) for what in ("found", "agrees", "covers")]
+SUMS = ("count", *_COUNTED)
+
+
+def _page(rows: Sequence[Row]) -> Iterator[str]:
+    head = ["inputs", "effective size", "seeds"]
+    head += [f"{each}: with an interval, agrees, covers" for each in STATISTICS]
+    cells = totals(rows, KEYS, SUMS)
+    yield from lines(head, (_line(*key, cell) for key, cell in cells.items()))
+
+
+def _line(name: str, cell: Any) -> list[str]:
+    share = expected_weights(SETTINGS[name].drawn, SETTINGS[name].asked)
+    size = f"{'' if share.is_exact else 'at most '}{100 * share.share:.3g} %"
+    return [name, size, f"{cell.count}", *(_counted(cell, place) for place in range(4))]
+
+
+def _counted(cell: Any, place: int) -> str:
+    found, agrees, covers = (
+        getattr(cell, f"s{place}_{what}") for what in ("found", "agrees", "covers")
+    )
+    if found < 0.05 * cell.count:
+        return f"{per_cent(found, cell.count)} %"
+    parts = (found, cell.count), (agrees, found), (covers, found)
+    return ", ".join(f"{per_cent(*each)} %" for each in parts)
+
+
+def _failing(rows: Sequence[Row]) -> Iterator[str]:
+    for (name,), cell in totals(rows, KEYS, SUMS).items():
+        for place, statistic in enumerate(STATISTICS):
+            found = getattr(cell, f"s{place}_found")
+            # Where few seeds have an interval, they are those with many events by chance.
+            for what, least in (
+                (("agrees", 0.93), ("covers", LOWEST)) if 2 * found > cell.count else ()
+            ):
+                if getattr(cell, f"s{place}_{what}") < least * found:
+                    yield f"{name}, {statistic}: {what} too seldom"
+
+
+def _cases() -> Iterator[Case]:
+    yield from ((name,) for name in SETTINGS)
+
+
+KEYS = ("setting",)
+TABLE = SeedTable(KEYS, _cases, _rows, {"reweighted": _page}, _failing, seeds=300)
+
+if __name__ == "__main__":
+    sys.exit(TABLE.main(__doc__))
