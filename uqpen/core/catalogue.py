@@ -539,8 +539,38 @@ def _indices_of(
         yield derived(each, prefix, title, along, measure=measure)
 
 
+# What answers over unknowns of the inputs' distributions follow from, and how each is called. Those
+# of a mean over intervals have records of their own, as a design may search for them.
+_KNOWN_OVER_UNKNOWNS = ("mean", "quantile", "exceedance", "below", "share")
+_OVER_UNKNOWNS = {
+    "plug_in_": ("{title} at the fitted parameters", "{label}, parameters as fitted"),
+    "fitted_": ("{title} over parameters that fit as well", "{label}, over parameters"),
+    "lower_": ("lower bound of the {title} over the intervals", "{label}, lower bound"),
+    "upper_": ("upper bound of the {title} over the intervals", "{label}, upper bound"),
+}
+
+
+def _over_unknowns() -> Iterator[Statistic]:
+    """Yield the records of answers over unknowns, each beside the statistic that it is of."""
+    known = {each.name: each for each in _OF_VALUES}
+    for name in _KNOWN_OVER_UNKNOWNS:
+        for prefix, (title, label) in _OVER_UNKNOWNS.items():
+            if f"{prefix}{name}" not in known:
+                of = known[name].shown
+                shown = replace(
+                    of,
+                    label=label.replace("{label}", of.label),
+                    json=f"{prefix}{of.json}" if of.json else "",
+                    rank=99,
+                    is_compared=False,
+                    event="",
+                )
+                yield derived(known[name], prefix, title, shown=shown, note_is_of_estimate=True)
+
+
 _STATISTICS = [
     *_OF_VALUES,
+    *_over_unknowns(),
     *(
         derived(
             each,

@@ -75,6 +75,10 @@ MOVED_AXIS = "moved_axis"
 NORMAL_DISTANCE = "normal_distance"
 # Of an input known by an interval: its ends, in the SI unit.
 INTERVAL_ENDS = "interval_ends"
+# Attribute of an input: the parameters of its distribution that are intervals.
+PARAMETER_INTERVALS = "interval_parameters"
+# Attribute of an input whose fitted parameters are uncertain: how they were drawn.
+UNCERTAIN_FIT = "fit_uncertain"
 # Of a design for bounds over intervals: the events, the outputs whose means are bounded, and those
 # with a probability whose quantiles are. Of each run the number of the search that has led to it (0
 # before the first), the number of the event, mean or quantile in this order (-1 before the first

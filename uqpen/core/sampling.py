@@ -35,6 +35,9 @@ class Sampling(StrEnum):
     TWO_LEVELS = "two levels"
     """Two levels of each input; no sample."""
 
+    OVER_BOX = "over a box of parameters"
+    """Independent points of a mixture of all distributions of a box; no sample of one of them."""
+
     @property
     def is_sample(self) -> bool:
         """True if the points, or some of them, are a sample of the joint distribution."""

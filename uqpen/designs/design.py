@@ -112,6 +112,9 @@ class Design(ABC):
     takes_intervals: ClassVar[bool] = False
     """True if it gives inputs that are intervals their values."""
 
+    takes_boxes: ClassVar[bool] = False
+    """True if distributions may have parameters that are intervals: its points are independent."""
+
     needs_numbers: ClassVar[bool] = False
     """True if its points follow numbers that every completed run must have."""
 
@@ -187,6 +190,11 @@ class Design(ABC):
     def samples_inputs(self, joint: JointDistribution) -> bool:
         """Check that its points, or some of them, are a sample of a joint distribution."""
         return self.sampling.is_sample
+
+    def sampling_of(self, joint: JointDistribution) -> Sampling:
+        """Return the relation between its points, where a joint distribution may have boxes."""
+        is_over_box = joint.boxes and self.takes_boxes
+        return Sampling.OVER_BOX if is_over_box else self.sampling
 
     @property
     def replicate_count(self) -> int:

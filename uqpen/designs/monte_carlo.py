@@ -62,6 +62,7 @@ class MonteCarlo(Design):
     """
 
     sampling = Sampling.INDEPENDENT
+    takes_boxes = True
 
     runs: int | None = count(default=None, maximum=MOST_RUNS)
     until: StoppingRule | None = stopping_rule("until")

@@ -398,6 +398,14 @@ class Quadrature(Design):
             yield Problem(("order",), str(self.order), expected)
 
     def check_inputs(self, joint: JointDistribution) -> Iterator[Problem]:
+        for entry in joint.fitted:
+            found = f"quadrature over {entry.variable.name}, whose parameters are uncertain"
+            expected = (
+                "a sample: the predictive distribution has the tails of Student's, of which higher "
+                "moments are infinite, so its polynomials end"
+            )
+            yield Problem(("kind",), found, expected)
+            return
         if problems := list(self._rule_problems(joint)):
             yield from problems
             return

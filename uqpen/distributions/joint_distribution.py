@@ -20,6 +20,7 @@ from uqpen.core.labels import (
     DERIVED_FROM,
     DERIVED_INPUT,
     INTERVAL_ENDS,
+    PARAMETER_INTERVALS,
     ROLE,
     RUN,
 )
@@ -29,6 +30,7 @@ from uqpen.distributions.copulas import Dependence
 from uqpen.distributions.distribution import OPEN_INTERVAL, Distribution, UnloadedDistribution
 from uqpen.distributions.input_group import InputGroup
 from uqpen.distributions.univariate import Uniform
+from uqpen.distributions.unknowns import FittedParameters, ParameterBox, Unknown
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -59,6 +61,8 @@ class RandomInput:
     # Number of measurements and goodness of fit, if the distribution follows from measurements.
     fit: Mapping[str, str | int | float] = field(default_factory=dict, hash=False)
     files: tuple[FileSnapshot, ...] = ()  # files of those measurements
+    # What is not known of its distribution, which then is the one that points are drawn from.
+    unknown: Unknown | None = None
 
     @property
     def nominal(self) -> float:
@@ -144,6 +148,32 @@ class JointDistribution:
                 for each in self.inputs
             ),
         )
+
+    @property
+    def boxes(self) -> tuple[RandomInput, ...]:
+        """The random inputs with parameters that are intervals."""
+        return tuple(entry for entry in self.random if isinstance(entry.unknown, ParameterBox))
+
+    @property
+    def fitted(self) -> tuple[RandomInput, ...]:
+        """The random inputs whose parameters are uncertain, as they follow from specimens."""
+        return tuple(entry for entry in self.random if isinstance(entry.unknown, FittedParameters))
+
+    def at(self, distributions: Mapping[str, Distribution]) -> JointDistribution:
+        """Return the joint distribution at values of its unknowns.
+
+        Parameters
+        ----------
+        distributions : mapping of str to Distribution
+            By input, its distribution there.
+        """
+        found = [
+            replace(each, distribution=distributions[each.variable.name], unknown=None)
+            if isinstance(each, RandomInput) and each.variable.name in distributions
+            else each
+            for each in self.inputs
+        ]
+        return replace(self, inputs=tuple(found))
 
     @cached_property
     def derived(self) -> tuple[DerivedInput, ...]:
@@ -354,10 +384,13 @@ def points_dataset(
         {name: np.array(each) for name, each in fixed.items()} | dict(values)
     )
     fits = {entry.variable.name: entry.fit for entry in joint.random}
-    ends = {
+    ends: dict[str, dict[str, Any]] = {
         each.variable.name: {INTERVAL_ENDS: np.array([each.lower, each.upper])}
         for each in joint.intervals
     }
+    for each in joint.boxes:
+        if isinstance(each.unknown, ParameterBox):
+            ends[each.variable.name] = {PARAMETER_INTERVALS: " and ".join(each.unknown.ends)}
     variables: dict[str, Any] = {}
     # One of several models may not take an input, which is described all the same.
     for variable in joint.variables:

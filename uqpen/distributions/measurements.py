@@ -225,16 +225,20 @@ def fit_distribution(
     """
     if samples is None:
         samples = max(_FEWEST_SAMPLES, min(_SAMPLES, _MOST_DRAWS // len(measurements)))
-    distribution = _maximum_likelihood(family, measurements)
+    distribution = maximum_likelihood(family, measurements)
     distance = _distance(distribution, measurements)
     worse = 0
     for _ in range(samples):
         sample = distribution.ppf(np.clip(rng.random(len(measurements)), *OPEN_INTERVAL))
-        worse += _distance(_maximum_likelihood(family, sample), sample) >= distance
+        worse += _distance(maximum_likelihood(family, sample), sample) >= distance
     return DistributionFit(distribution, distance, (1 + worse) / (1 + samples))
 
 
-def _maximum_likelihood(family: str, measurements: FloatArray) -> Distribution:
+def maximum_likelihood(family: str, measurements: FloatArray) -> Distribution:
+    """Return the member of a family under which measurements are the likeliest.
+
+    SettingsError where there is none.
+    """
     cls: type[Distribution] = resolve(DISTRIBUTIONS[family])
     if cls.is_positive and not (measurements > 0).all():
         found = f"a measurement of {measurements.min():g}"

@@ -9,21 +9,25 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.read import read_group
+from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import (
     BOUNDS_GROUP,
     INTERVAL_ENDS,
     INTERVAL_LEVEL,
+    PARAMETER_INTERVALS,
     PROBABILITY,
     RUNS,
     SAMPLING,
 )
 from uqpen.core.sampling import Sampling
+from uqpen.core.statistic import UnitRule
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.results.digits import estimate_texts, percent_text, percent_texts, range_text
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.table import (
     NOTHING,
     OutputTable,
+    entry_label,
     estimate_json,
     estimate_remark,
     quantile_label,
@@ -35,7 +39,8 @@ class FoundBounds(NamedTuple):
 
     title: str  # what is bounded: ``"P(depth > 3 m)"``, say
     unit: str  # that a value is shown in; empty for a probability
-    number: int  # that the runs of the design have for it
+    # That the runs of the design have for it; -1 where all runs are of all bounds.
+    number: int
     lower: xr.DataArray  # (bound,): the lower bound, in SI units
     upper: xr.DataArray  # the same of the upper one
 
@@ -63,6 +68,8 @@ class FoundBounds(NamedTuple):
 def found_bounds(statistics: SourceStatistics, design: str) -> Iterator[FoundBounds]:
     """Yield the bounds that a design has found, those of events first."""
     described = read_group(statistics.tree, RUNS, design).attrs
+    if described.get(SAMPLING) == Sampling.OVER_BOX:
+        yield from _bounds_over_box(statistics, design)
     if described.get(SAMPLING) != Sampling.TOWARDS_BOUNDS:
         return
     from uqpen.surrogates.interval_bounds import bounded_in  # few archives have bounds
@@ -82,10 +89,34 @@ def found_bounds(statistics: SourceStatistics, design: str) -> Iterator[FoundBou
         yield FoundBounds(f"{title} of {output}", statistics.unit(output), number, *ends)
 
 
+# The statistics that have bounds over parameters that are intervals, in the order of their places.
+_OVER_BOX = [CATALOGUE[name] for name in ("exceedance", "below", "share", "quantile", "mean")]
+
+
+def _bounds_over_box(statistics: SourceStatistics, design: str) -> Iterator[FoundBounds]:
+    """Yield the bounds over parameters that are intervals, of one output after the other."""
+    for output in statistics.scalar_outputs:
+        of_output = statistics.statistics(design, output)
+        for record in (each for each in _OVER_BOX if f"lower_{each.name}" in of_output):
+            ends = of_output[f"lower_{record.name}"], of_output[f"upper_{record.name}"]
+            unit = "" if record.unit is UnitRule.NONE else statistics.unit(output)
+            if not record.dims:
+                yield FoundBounds(f"{record.title} of {output}", unit, -1, *ends)
+                continue
+            for lower, upper in zip(*ends, strict=True):
+                label = entry_label(record, lower[record.dims[0]].item())
+                yield FoundBounds(f"{label} of {output}", unit, -1, lower, upper)
+
+
 def interval_inputs(tree: xr.DataTree, design: str) -> str:
-    """Return the names of the inputs of a design that are intervals."""
-    variables = read_group(tree, RUNS, design).variables
-    return ", ".join(str(name) for name, each in variables.items() if INTERVAL_ENDS in each.attrs)
+    """Return the inputs of a design that are intervals, and parameters of others that are."""
+    found = []
+    for name, each in read_group(tree, RUNS, design).variables.items():
+        if INTERVAL_ENDS in each.attrs:
+            found.append(str(name))
+        elif PARAMETER_INTERVALS in each.attrs:
+            found.append(f"{each.attrs[PARAMETER_INTERVALS]} of {name}")
+    return ", ".join(found)
 
 
 def bound_tables(tree: xr.DataTree) -> Iterator[OutputTable]:

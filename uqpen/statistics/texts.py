@@ -421,6 +421,22 @@ LARGER_IF_FAILED = "probability that an input {is_larger} in a failed run than i
 END_OF_FAILED = "{end} value of each input among the failed runs, in SI units"
 SEPARATED = "the failed runs are completely separated from the others"
 
+# Answers over unknowns of distributions.
+FIRST_RUNS = "from the first {runs} runs"
+OVER_DRAWS = (
+    "quantiles over {draws} draws of the fitted parameters, each with a draw for the sampling error"
+)
+FEW_RUNS_OF_DRAWS = "fewer than 5 % of the runs count for {few} of {draws} draws"
+NO_RUN_OF_DRAW = "no run counts for a draw of the parameters"
+WITHOUT_MISSING = "without the missing runs ({runs})"
+FAMILY_IS_GIVEN = "the family is taken as known"
+OVER_BOX = "{method}; the outer limit is that of all {points} distributions"
+END_OF_BOX = {"lower": "least, with {at}", "upper": "largest, with {at}"}
+FEW_RUNS_OF_BOX = (
+    "no bounds: {least:.3g} effective runs ({share:.2g} %) count for a distribution of the box "
+    "(at least {fewest}, and {most:g} %): take more runs, or narrower intervals"
+)
+
 # Bounds over intervals.
 FOUND_BOUND = "{which} found by a search, at {at}"
 PEAK_BETWEEN_RUNS = "peaks narrower than {gap:.2g} % of an interval can lie between its runs"

@@ -9,6 +9,7 @@ from functools import partial
 from uqpen.core.errors import TableError, toml_text
 from uqpen.core.labels import POINT, REPEAT
 from uqpen.core.lookup import family_name
+from uqpen.core.sampling import Sampling
 from uqpen.designs import DESIGNS
 from uqpen.designs.data import DataDesign, TableDesign
 from uqpen.designs.design import Design, UnloadedDesign
@@ -225,6 +226,23 @@ def _check_repeats(table: TableReader, models: Mapping[str, Variant], *, is_nois
             table.add_problem(REPEATS, found, f"another name of it: {label} is one of the runs")
 
 
+def _box_reason(design: Design) -> str:
+    """Return why a design has no bounds over parameters that are intervals; empty where it has."""
+    if isinstance(design, RepeatedDesign):
+        return "bounds are of one run at each point"
+    if design.sampling is Sampling.STRATIFIED:
+        return "weights, by which the same runs answer for each distribution, spoil its strata"
+    if design.sampling is Sampling.TOWARDS_EVENT:
+        return "its points move by one distribution: each end of an interval is a study of its own"
+    if design.sampling is Sampling.TOWARDS_BOUNDS:
+        return "intervals of inputs and of parameters are not searched together"
+    if design.ends_early:
+        return "its rule decides by estimates of one distribution, so give the number of runs"
+    if not design.takes_boxes:
+        return "it needs one distribution of each input, and intervals have none"
+    return ""
+
+
 def check_designs(table: TableReader, designs: dict[str, Design], joint: JointDistribution) -> None:
     """Note other designs that do not fit the inputs."""
     for name, design in designs.items():
@@ -252,5 +270,10 @@ def check_designs(table: TableReader, designs: dict[str, Design], joint: JointDi
             kind = toml_text(table.content[name]["kind"])
             found = f"{kind} over {named[0]}, whose values are labels"
             table.add_problem((name, "kind"), found, f"{design.unordered_reason}; {_VALID}")
+        elif joint.boxes and (reason := _box_reason(design)):
+            kind = toml_text(table.content[name]["kind"])
+            found = f"{kind} over {joint.boxes[0].variable.name}, whose parameters are intervals"
+            expected = f'{reason}. kind = "monte-carlo" gives bounds over the intervals'
+            table.add_problem((name, "kind"), found, expected)
         else:
             table.add_problems(design.check_inputs(joint), name)

@@ -17,10 +17,11 @@ from uqpen.core.arrays import FloatArray
 from uqpen.core.columns import Column
 from uqpen.core.errors import ConstraintError, QuantityError, SettingsError, TableError, toml_text
 from uqpen.core.formulas import Formula, names_in, parse_formula
+from uqpen.core.labels import UNCERTAIN_FIT
 from uqpen.core.lookup import choices, nearest, resolve
 from uqpen.core.model import Input, Model
 from uqpen.core.quantities import parse_quantity, parse_spread
-from uqpen.core.settings import declared_settings, file, read_list, text
+from uqpen.core.settings import declared_settings, file, flag, read_list, text
 from uqpen.core.streams import Stream
 from uqpen.core.units import ANY_DIMENSION, DIMENSIONLESS, NUMBER, are_convertible, describe, scale
 from uqpen.distributions import DISTRIBUTIONS
@@ -55,6 +56,12 @@ from uqpen.distributions.measurements import (
 )
 from uqpen.distributions.stated import STATED, Stated, from_stated, is_stated
 from uqpen.distributions.univariate import Choice, Mixture, Normal, Truncated
+from uqpen.distributions.unknowns import (
+    DRAWS,
+    ParameterBox,
+    Unknown,
+    fitted_parameters,
+)
 from uqpen.models.data.data_model import DataModel
 from uqpen.study.joint_section import Groups, Inputs
 from uqpen.study.table_reader import OBJECT, SETTINGS, TableReader, check_names, read_named_object
@@ -167,11 +174,15 @@ MIXTURE, _WEIGHT = "mixture", "weight"
 
 @dataclass(frozen=True)
 class _Measured:
-    """Settings of measurements: a column of a file, and the family that is fitted to it."""
+    """Settings of measurements: a column of a file, and the family that is fitted to it.
+
+    With `uncertain` parameters, the distribution is that of the next specimen.
+    """
 
     file: Path = file()
     column: str | None = text(expected="the heading of a column", default=None)
     family: str | None = text(expected="the name of a distribution", default=None)
+    uncertain: bool = flag(default=False)
 
 
 def _read_measured(table: TableReader, variable: Input, stream: Stream) -> RandomInput | None:
@@ -181,9 +192,7 @@ def _read_measured(table: TableReader, variable: Input, stream: Stream) -> Rando
     """
     noted = len(table.problems)
     measured = table.whole_settings(_Measured)
-    family = table.content.get("family")
-    if isinstance(family, str) and family.strip():
-        _check_family(table, family)
+    _check_family(table, table.content.get("family"))
     if measured is None or len(table.problems) > noted:
         return None
     measurements = Measurements(measured.file)
@@ -198,33 +207,17 @@ def _read_measured(table: TableReader, variable: Input, stream: Stream) -> Rando
     if len(table.problems) > noted:
         return None
     distribution: Distribution
+    unknown: Unknown | None = None
     if measured.family is None:
         distribution = Empirical(tuple(values.tolist()))
         ends = (value_text(float(end), column.unit) for end in (values.min(), values.max()))
         description = f"as measured: {len(values)} values of {source}, from {' to '.join(ends)}"
         fit: dict[str, str | int | float] = {}
     else:
-        fitted = _fit(table, measured.family, values, source, stream)
-        if fitted is None:
+        found_fit = _read_fit(table, measured, values, column.unit, source, stream)
+        if found_fit is None:
             return None
-        distribution = fitted.distribution
-        description = (
-            f"{measured.family} fitted to {len(values)} values of {source}: "
-            f"{parameters_text(distribution, column.unit)}; "
-            f"Kolmogorov-Smirnov distance {fitted.distance:.3g}, p = {fitted.p_value:.2g}"
-        )
-        fit = {
-            f"fit_{parameter.name}": getattr(distribution, parameter.name)
-            for parameter, _ in declared_settings(distribution)
-        }
-        fit["fit_test"] = "Kolmogorov-Smirnov distance; p value by parametric bootstrap"
-        fit["fit_statistic"] = fitted.distance
-        fit["fit_p_value"] = fitted.p_value
-        if fitted.is_rejected:
-            fit["fit_warning"] = (
-                f"{measured.family} does not fit the measurements: of samples of the fitted law, "
-                f"a share of {fitted.p_value:.2g} lies as far from it (p value)"
-            )
+        distribution, unknown, description, fit = found_fit
     fit = {
         "fit_family": measured.family or "empirical",
         "fit_measurements": len(values),
@@ -233,13 +226,64 @@ def _read_measured(table: TableReader, variable: Input, stream: Stream) -> Rando
         **fit,
     }
     files = (measurements.source,)
-    return RandomInput(variable, distribution, column.unit, description, fit, files)
+    return RandomInput(variable, distribution, column.unit, description, fit, files, unknown)
 
 
-def _check_family(table: TableReader, family: str) -> None:
+def _read_fit(
+    table: TableReader,
+    measured: _Measured,
+    values: FloatArray,
+    unit: str,
+    source: str,
+    stream: Stream,
+) -> tuple[Distribution, Unknown | None, str, dict[str, str | int | float]] | None:
+    """Return the distribution of a family, what is not known of it, its description and its fit."""
+    family, unknown = measured.family or "", None
+    fitted = _fit(table, family, values, source, stream)
+    if fitted is None:
+        return None
+    distribution = fitted.distribution
+    description = (
+        f"{family} fitted to {len(values)} values of {source}: "
+        f"{parameters_text(distribution, unit)}; "
+        f"Kolmogorov-Smirnov distance {fitted.distance:.3g}, p = {fitted.p_value:.2g}"
+    )
+    fit: dict[str, str | int | float] = {
+        f"fit_{parameter.name}": getattr(distribution, parameter.name)
+        for parameter, _ in declared_settings(distribution)
+    }
+    if measured.uncertain:
+        try:
+            unknown = fitted_parameters(family, values, stream.generator("parameters"))
+        except SettingsError as error:
+            table.add_problems(error.problems, "uncertain")
+            return None
+        distribution = unknown.drawn()
+        description += "; its parameters uncertain, so drawn as the next specimen is"
+        fit[UNCERTAIN_FIT] = (
+            f"{DRAWS} draws of the parameters under which such measurements are as likely; "
+            "points are draws of the predictive distribution"
+        )
+    fit["fit_test"] = "Kolmogorov-Smirnov distance; p value by parametric bootstrap"
+    fit["fit_statistic"] = fitted.distance
+    fit["fit_p_value"] = fitted.p_value
+    if fitted.is_rejected:
+        fit["fit_warning"] = (
+            f"{family} does not fit the measurements: of samples of the fitted law, "
+            f"a share of {fitted.p_value:.2g} lies as far from it (p value)"
+        )
+    return distribution, unknown, description, fit
+
+
+def _check_family(table: TableReader, family: object) -> None:
     from uqpen.distributions.measurements import fitted_families
 
-    if family not in DISTRIBUTIONS:
+    if not isinstance(family, str) or not family.strip():
+        if table.content.get("uncertain") is True and family is None:
+            found = "uncertain = true for the measurements themselves"
+            expected = 'a family beside it, such as family = "normal", whose parameters it means'
+            table.add_problem("uncertain", found, expected)
+    elif family not in DISTRIBUTIONS:
         table.add_wrong("family", family, f"a distribution; {choices(family, fitted_families())}")
     elif reason := resolve(DISTRIBUTIONS[family]).unfitted_reason:
         found = f"{toml_text(family)}, which is not fitted: {reason}"
@@ -701,12 +745,20 @@ def _read_random_input(table: TableReader, variable: Input, stream: Stream) -> R
     if limits and not isinstance(made.distribution, UnloadedDistribution):
         try:
             distribution = Truncated(made.distribution, **limits)  # type: ignore[arg-type]
+            unknown = made.unknown and made.unknown.truncated(
+                distribution.lower, distribution.upper
+            )
         except SettingsError as error:
             table.add_refused(error.problems)
             return None
         written = [f"{_LIMITS[key]} {table.content[key]}" for key in table if key != family]
         description = "; ".join([made.description, *written])
-        made = replace(made, distribution=distribution, description=description)
+        made = replace(
+            made,
+            distribution=unknown.drawn() if unknown else distribution,
+            description=description,
+            unknown=unknown,
+        )
     if isinstance(made.distribution, UnloadedDistribution):
         return made
     return made if _is_usable(table, family, made.distribution) else None
@@ -727,6 +779,9 @@ def _read_mixture(table: TableReader, variable: Input, stream: Stream) -> Random
             expected = "measurements by themselves, or a distribution in their place"
             table.add_problem((*place, MEASURED), "measurements in a mixture", expected)
         elif part := _read_random_input(table.inside(content, *place), variable, stream):
+            if part.unknown is not None:
+                expected = "one value of each parameter, or a distribution by itself"
+                table.add_problem(place, "intervals as parameters in a mixture", expected)
             parts.append(part)
             weights.append(float(weight))
     if len(table.problems) > noted:
@@ -786,7 +841,12 @@ def _read_distribution(table: TableReader, variable: Input, family: str) -> Rand
     if variable.labels and isinstance(values := table.content.get("values"), list):
         codes = [variable.labels.index(x) if x in variable.labels else x for x in values]
         table = replace(table, content={**table.content, "values": codes})
-    if family in DISTRIBUTIONS:
+    unknown: ParameterBox | None = None
+    ends = _parameter_intervals(table, family) if family in DISTRIBUTIONS else []
+    if ends:
+        unknown = _read_box(table, variable, family, ends)
+        distribution = unknown.drawn() if unknown else None
+    elif family in DISTRIBUTIONS:
         distribution = _read_family(table, variable, resolve(DISTRIBUTIONS[family]))
     elif is_reference(family) and not table.trust:
         distribution = UnloadedDistribution(family)
@@ -800,9 +860,87 @@ def _read_distribution(table: TableReader, variable: Input, family: str) -> Rand
         with suppress(QuantityError):
             unit = parse_quantity(value, variable.unit).unit
             break
-    if family in DISTRIBUTIONS and is_stated(type(distribution), table.content):
+    if unknown is not None:
+        parameters = ", ".join(
+            f"{name} {value[0]} to {value[1]}" if name in ends else f"{name} {value}"
+            for name, value in table.content.items()
+        )
+        parameters += "; of the intervals no more is known than the ends"
+    elif family in DISTRIBUTIONS and is_stated(type(distribution), table.content):
         parameters += f"; so {parameters_text(distribution, unit)}"
-    return RandomInput(variable, distribution, unit, f"{family}: {parameters}", files=files)
+    description = f"{family}: {parameters}"
+    return RandomInput(variable, distribution, unit, description, files=files, unknown=unknown)
+
+
+# Most parameters of one input that are intervals: their corners are a mixture.
+_MOST_INTERVALS = 4
+
+
+def _parameter_intervals(table: TableReader, family: str) -> list[str]:
+    """Return the parameters of a family that a list gives, in place of one value."""
+    names = [
+        field.name
+        for field, setting in declared_settings(resolve(DISTRIBUTIONS[family]))
+        if setting.kind in ("quantity", "difference", "number", "count")
+    ]
+    return [name for name in (*names, *STATED) if isinstance(table.content.get(name), list)]
+
+
+def _read_box(
+    table: TableReader, variable: Input, family: str, names: list[str]
+) -> ParameterBox | None:
+    """Read a distribution with parameters that are intervals, each a list of two."""
+    cls, noted = resolve(DISTRIBUTIONS[family]), len(table.problems)
+    own = {field.name for field, _ in declared_settings(cls)}
+    for name in names:
+        if expected := _box_refusal(cls, family, name, own, table.content[name]):
+            table.add_wrong(name, table.content[name], expected)
+    if len(names) > _MOST_INTERVALS:
+        table.add_problem((), f"{len(names)} intervals", f"at most {_MOST_INTERVALS}")
+    if len(table.problems) > noted or variable.unit is ANY_DIMENSION:
+        return None
+    lower, upper = (_box_end(table, cls, variable.unit, names, place) for place in (0, 1))
+    if lower is None or upper is None:
+        return None
+    for name in names:
+        if not lower[name] < upper[name]:
+            expected = "the lower end first, and an upper one above it"
+            table.add_wrong(name, table.content[name], expected)
+            return None
+    known = {name: value for name, value in lower.items() if name not in names}
+    try:
+        box = ParameterBox(cls, known, {name: (lower[name], upper[name]) for name in names})
+    except SettingsError as error:
+        for problem in error.problems:
+            found = f"{problem.found} at a corner of the intervals"
+            table.add_problem(problem.path, found, problem.expected)
+        return None
+    return box if all(_is_usable(table, (), corner) for corner in box.corners()) else None
+
+
+def _box_refusal(
+    family: type[Distribution], name: str, parameter: str, own: set[str], written: list[object]
+) -> str:
+    """Return what is expected in place of an interval of a parameter; empty where it can be one."""
+    if parameter not in own:
+        return f"one value; intervals are of the parameters of {name}: {', '.join(sorted(own))}"
+    if family.is_discrete:
+        return "one value: bounds are of continuous distributions, by ratios of densities"
+    if len(written) != 2:
+        return f'two ends, such as {parameter} = ["9 kN", "11 kN"], or one value'
+    return ""
+
+
+def _box_end(
+    table: TableReader, family: type[Distribution], unit: str, names: list[str], place: int
+) -> dict[str, Any] | None:
+    """Return the parameters of a family at the lower or the upper end of those with two."""
+    noted = len(table.problems)
+    content = {key: each[place] if key in names else each for key, each in table.content.items()}
+    reader = replace(table, content=content)
+    values = reader.setting_values(family, unit)
+    reader.check_unknown_keys()
+    return None if len(table.problems) > noted else values
 
 
 def _texts(values: list[object]) -> Iterator[str]:
@@ -862,7 +1000,7 @@ def _read_family(
     return None
 
 
-def _is_usable(table: TableReader, key: str, distribution: Distribution) -> bool:
+def _is_usable(table: TableReader, key: str | tuple[str, ...], distribution: Distribution) -> bool:
     """Check a distribution; note one whose draws are not all finite, or are all the same."""
     if not distribution.is_finite:
         expected = "parameters whose draws are finite and differ in double precision"

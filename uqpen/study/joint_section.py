@@ -505,6 +505,7 @@ def _input_names(table: TableReader, inputs: Inputs) -> list[Any]:
     labelled = {entry.variable.name for entry in inputs.joint.random if entry.variable.labels}
     fixed = [entry.variable.name for entry in inputs.joint.fixed]
     intervals = [entry.variable.name for entry in inputs.joint.intervals]
+    unknown = {entry.variable.name for entry in inputs.joint.random if entry.unknown is not None}
     names = table.entries("inputs")
     for position, name in enumerate(names):
         if name not in random:
@@ -515,6 +516,10 @@ def _input_names(table: TableReader, inputs: Inputs) -> list[Any]:
         elif name in labelled:
             expected = "an input of numbers: labels have no order that a copula could join"
             table.add_problem(("inputs", position), f"{name}, whose values are labels", expected)
+        elif name in unknown:
+            found = f"{name}, whose parameters are uncertain or intervals"
+            expected = "an input with one distribution: runs count by the ratio of two of its own"
+            table.add_problem(("inputs", position), found, expected)
     return names
 
 

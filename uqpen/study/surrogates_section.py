@@ -39,6 +39,7 @@ _POINTS = {
     Sampling.SEARCH_CURVES: "curves through the inputs' space",
     Sampling.FINITE_DIFFERENCES: "small steps from points",
     Sampling.TWO_LEVELS: "two levels of each input",
+    Sampling.OVER_BOX: "points of a mixture over intervals of parameters",
     Sampling.TOWARDS_EVENT: "points that move towards a rare event",
     Sampling.TOWARDS_BOUNDS: "points at bounds over intervals",
 }
@@ -76,6 +77,15 @@ def read_surrogates(
     return found, origins
 
 
+def _interval_problem(joint: JointDistribution) -> tuple[str, str]:
+    """Return what is found and expected where a surrogate is over an interval."""
+    if joint.intervals:
+        found = f"a surrogate over {joint.intervals[0].variable.name}, which is an interval"
+        return found, "inputs with a distribution; interval-bounds has a polynomial of its own"
+    found = f"a surrogate over {joint.boxes[0].variable.name}, whose parameters are intervals"
+    return found, "inputs with one distribution each, to which its numbers belong"
+
+
 def check_surrogates(
     table: TableReader,
     surrogates: Mapping[str, Surrogate],
@@ -102,10 +112,8 @@ def check_surrogates(
         if joint is not None and not joint.random:
             which = "that are all fixed" if joint.inputs else "without a distribution"
             table.add_problem(name, f"a surrogate over inputs {which}", "a random input")
-        elif joint is not None and joint.intervals:
-            found = f"a surrogate over {joint.intervals[0].variable.name}, which is an interval"
-            expected = "inputs with a distribution; interval-bounds has a polynomial of its own"
-            table.add_problem(name, found, expected)
+        elif joint is not None and (joint.intervals or joint.boxes):
+            table.add_problem(name, *_interval_problem(joint))
         elif joint is not None:
             table.add_problems(surrogate.check_inputs(joint), name)
         # What an archive names may be missing here; its study can be read all the same.

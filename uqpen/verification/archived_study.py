@@ -375,7 +375,9 @@ def find_incompatibility(study: ValidatedStudy, runs: Runs) -> str:
         if set(study.designs) != set(runs[name]):
             return f"its text names other designs than it holds: {', '.join(study.designs)}"
         for design, design_runs in runs[name].items():
-            if design_runs.attrs.get(SAMPLING) != str(study.designs[design].sampling):
+            if design_runs.attrs.get(SAMPLING) != str(
+                study.designs[design].sampling_of(study.joint)
+            ):
                 return f"its text has another kind of design by the name of {design}"
             if lacking := _missing_variable(variant, study, design_runs):
                 return f"{design} lacks {lacking}, which its text contains"

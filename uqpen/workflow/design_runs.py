@@ -105,7 +105,7 @@ def run_design(
         lambda made: RunningEstimates(made, design.sampling, quantities, study.analyses),
         study.run_costs,
     )
-    sampling = {SAMPLING: str(design.sampling)}
+    sampling = {SAMPLING: str(design.sampling_of(study.joint))}
     found = {}
     for model in study.models:
         # A round may be of some models only.

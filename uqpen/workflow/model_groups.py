@@ -161,6 +161,14 @@ def _design_source(
     found = analyze(own, quantities, only=only, user_defined=study.analyses)
     for name, of_all in analyze_repeats(every, quantities, only=only).items():
         found[name] = in_catalogue_order(found[name] | of_all)
+    if study.joint.boxes or study.joint.fitted:
+        from uqpen.statistics.statistics_over_unknowns import statistics_over_unknowns
+
+        with one_blas_thread():
+            for name, over in statistics_over_unknowns(
+                own, quantities, study.joint, only=only
+            ).items():
+                found[name] = in_catalogue_order(found[name] | over)
     if has_stand_ins:
         from uqpen.statistics.control_variates import control_variate_statistics
 

@@ -171,7 +171,8 @@ class RunningResults(ProgressRecord):
                 continue
             finished += runs
             root = f"/{MODELS}/{model}" if self._study.has_several_models else ""
-            sampling = {SAMPLING: str(self._study.designs[design].sampling)}
+            made = self._study.designs[design]
+            sampling = {SAMPLING: str(made.sampling_of(self._study.joint))}
             # Only the last round can have runs that are not finished.
             first = join_rounds([*runs[:-1], first_runs(runs[-1])]).assign_attrs(sampling)
             sample = sample_so_far(first, is_complete=is_complete)

@@ -58,6 +58,8 @@ from uqpen.results.texts import capitalized, join_names, plain_text, typeset_qua
 # Outputs with sentences, and sentences that are not folded.
 _MOST_OUTPUTS = 6
 _MOST_SENTENCES = 3
+# Bounds that are not folded, those of events first.
+_MOST_BOUNDS = 4
 # Reasons of failed runs.
 _MOST_REASONS = 3
 
@@ -188,7 +190,9 @@ def _leading_reason(view: ArchiveView, design: str) -> str:
 def _answer_without_sample(view: ArchiveView) -> Iterator[Block]:
     """Yield what an archive says whose designs give no distribution, and the reason."""
     if of_events := (*rare_event_findings(view), *bound_findings(view)):
-        yield Findings(of_events, is_verdict=True)
+        yield Findings(of_events[:_MOST_BOUNDS], is_verdict=True)
+    if further := of_events[_MOST_BOUNDS:]:
+        yield Fold(f"{count_text(len(further), 'more answer')}", (Findings(further),))
     failed = [each for design in view.designs for each in failed_runs(view.tree, design)]
     every = [read_group(view.tree, RUNS, design) for design in view.designs]
     if not any(status_counts(runs)[Status.OK] for runs in every):
@@ -209,6 +213,11 @@ def _answer_without_sample(view: ArchiveView) -> Iterator[Block]:
     elif all(view.design(each).sampling is Sampling.TOWARDS_BOUNDS for each in view.designs):
         yield Text("An input that is an interval has no distribution, so the outputs have none.")
         yield from bound_charts(view)
+    elif all(view.design(each).sampling is Sampling.OVER_BOX for each in view.designs):
+        yield Text(
+            "Parameters of the inputs are intervals, so the outputs have no one distribution: the "
+            "bounds are the least and the largest answer of all that are possible."
+        )
     else:
         yield Text(
             "No design of this study is a sample of its inputs, so the distributions of the "

@@ -74,6 +74,7 @@ _PURPOSES = {
     Sampling.SEARCH_CURVES: "indices by FAST; no sample",
     Sampling.FINITE_DIFFERENCES: "squared derivatives by the inputs (DGSM); no sample",
     Sampling.TWO_LEVELS: "effects of the inputs between two levels; no sample",
+    Sampling.OVER_BOX: "bounds over intervals of parameters, by weights; no sample",
     Sampling.TOWARDS_EVENT: "the probability of a rare event; no sample",
     Sampling.TOWARDS_BOUNDS: "bounds over intervals; no sample",
 }

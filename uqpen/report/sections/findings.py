@@ -25,6 +25,7 @@ from uqpen.core.labels import (
     REWEIGHTED,
     RUNS,
     SURROGATES,
+    UNCERTAIN_FIT,
 )
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
@@ -500,11 +501,22 @@ def _input_alerts(view: ArchiveView, design: str) -> Iterator[Alert]:
 
 
 def _measured_alert(view: ArchiveView, design: str) -> Iterator[Alert]:
-    measured = {
-        name: str(view.attributes(name)["fit_measurements"])
+    fitted = {
+        name: view.attributes(name)
         for name in view.design(design).random_inputs
         if "fit_measurements" in view.attributes(name)
     }
+    counts = {name: str(each["fit_measurements"]) for name, each in fitted.items()}
+    if uncertain := [name for name, each in fitted.items() if UNCERTAIN_FIT in each]:
+        fits = ", ".join(f"{name} ({counts[name]})" for name in uncertain)
+        yield Alert(
+            "Uncertain inputs",
+            f"Parameters follow from specimens (their number in brackets): {fits}. Each answer is "
+            "of the next one; how well it is known is the interval over all parameters that fit as "
+            "well. The family is taken as known.",
+            "Measure more: the interval over the parameters gets no narrower with more runs.",
+        )
+    measured = {name: count for name, count in counts.items() if name not in uncertain}
     if measured:
         fits = ", ".join(f"{name} ({count})" for name, count in measured.items())
         yield Alert(

@@ -385,7 +385,29 @@ def _verdict(quantity: QuotedStatistic, array: xr.DataArray, design: str) -> Fin
         text = f"in all {runs} completed runs: at least {lower} of cases ({level} interval)."
     threshold = no_break(typeset_quantity(plain_text(quantity.entry)))
     event = f"{name} {quantity.statistic.shown.event} {threshold}"
-    return Finding(event, f"{capitalized(text)}{acceptance_sentence(array)}")
+    over = over_parameters(quantity, design)
+    return Finding(event, f"{capitalized(text)}{acceptance_sentence(array)}{over}")
+
+
+def over_parameters(quantity: QuotedStatistic, design: str) -> str:
+    """Return a sentence on the interval over uncertain parameters; empty where there are none.
+
+    The answer itself is of the next one, and would mislead alone.
+    """
+    record = CATALOGUE.get(f"fitted_{quantity.statistic.name}")
+    if record is None:
+        return ""
+    over = QuotedStatistic(quantity.view, quantity.output, record, quantity.entry)
+    array = over.estimate(design)
+    if array is None:
+        return ""
+    if not has_interval(array.values):
+        return f" That is of the next one; over the parameters: {estimate_remark(array)}."
+    _, lower, upper = over.texts(array)
+    return (
+        f" That is of the next one; over all parameters that fit the specimens as well, it is "
+        f"between {lower} and {upper} ({_level(array)} interval)."
+    )
 
 
 def acceptance_sentence(array: xr.DataArray) -> str:
@@ -421,7 +443,8 @@ def _sentence(quantity: QuotedStatistic, array: xr.DataArray, design: str) -> st
         "{output}": name,
         "{estimate}": f"{value} {quantity.interval(array)}",
     }
-    return re.sub(r"\{\w+\}", lambda place: words.get(place[0], place[0]), sentence)
+    said = re.sub(r"\{\w+\}", lambda place: words.get(place[0], place[0]), sentence)
+    return said + over_parameters(quantity, design)
 
 
 def _tolerance_limit_sentence(

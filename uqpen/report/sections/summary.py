@@ -24,6 +24,7 @@ from uqpen.report.sections.sentences import (
     no_break,
     outcome_sentences,
     output_sentences,
+    over_parameters,
     rare_event_findings,
 )
 from uqpen.results.acceptance import Acceptance
@@ -143,7 +144,8 @@ def _output_lines(views: Sequence[ArchiveView], output: str, design: str) -> Ite
             if acceptance := Acceptance.from_array(array):
                 head = f"{output}, {no_break(f'{quantity.label} {acceptance}')}"
                 verdict = f"{acceptance.verdict}, "
-            parts.append(f"{view.model} {verdict}{_estimate(own, array)}".lstrip())
+            over = over_parameters(own, design).rstrip(".").replace(" That is", ",", 1)
+            parts.append(f"{view.model} {verdict}{_estimate(own, array)}{over}".lstrip())
         yield f"{head}: {'; '.join(parts)}"
 
 

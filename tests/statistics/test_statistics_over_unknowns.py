@@ -1,0 +1,173 @@
+"""Statistics over unknowns of distributions, from the runs of one design by weights."""
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+import uqpen
+from uqpen.core.labels import STATUS
+from uqpen.core.sampling import Sampling
+from uqpen.distributions.univariate import Normal
+from uqpen.report.sections.summary import summary_lines
+from uqpen.results.found_bounds import found_bounds
+from uqpen.results.source_statistics import SourceStatistics
+from uqpen.results.table import estimate_remark
+from uqpen.statistics import statistics_over_unknowns as module
+
+SPECIMENS = [9.1, 10.4, 8.7, 10.9, 9.8, 11.3, 10.1, 9.5]
+MEASURED = '{ measured = { file = "x.csv", family = "normal", uncertain = true } }'
+BOX = "{ normal = { mean = [0, 1], std = [1, 1.5] } }"
+ASKED = "[outputs.y]\nexceeds = [3]\nbelow = [0]\nquantiles = [0.9]\n[designs.some]\n"
+
+
+def stated(tree):
+    return SourceStatistics(tree).statistics("some", "y")
+
+
+@pytest.fixture(scope="module")
+def fitted(module_study_of, tmp_path_factory):
+    study = module_study_of  # its folder has the file of the specimens
+    folder = tmp_path_factory.getbasetemp() / "study0"
+    (folder / "x.csv").write_text("x\n" + "\n".join(map(str, SPECIMENS)))
+    text = "[outputs.y]\nbelow = [8]\nquantiles = [0.05]\n[designs.some]\n"
+    made = study("x + 0 * b", text + 'kind = "monte-carlo"\nruns = 4000', x=MEASURED, b="0 ± 1")
+    return made, uqpen.run(made)
+
+
+def test_a_fitted_input_has_its_predictive_its_plug_in_and_the_interval_over_its_draws(fitted):
+    study, tree = fitted
+    found = stated(tree)
+    (entry,) = study.joint.fitted
+    unknown = entry.unknown
+    at = np.array(8.0)
+    exact = {
+        "below": float(unknown.predictive.cdf(at)),
+        "plug_in_below": float(unknown.fitted.cdf(at)),
+    }
+    for name, value in exact.items():
+        _, lower, upper = found[name].values[0]
+        assert lower < value < upper
+    # The draws are known exactly; runs by weights add little to their interval.
+    draws = np.array([float(each.cdf(at)) for each in unknown.draws])
+    low, middle, high = np.quantile(draws, [0.025, 0.5, 0.975])
+    assert found["fitted_below"].values[0] == pytest.approx([middle, low, high], rel=0.15, abs=2e-3)
+    quantiles = np.quantile([each.ppf(np.array(0.05)) for each in unknown.draws], [0.025, 0.975])
+    fifth = found["fitted_quantile"].sel(probability=0.05)
+    assert fifth.values[1:] == pytest.approx(quantiles, abs=0.25)
+    means = np.quantile([each.mean for each in unknown.draws], [0.025, 0.975])
+    assert found["fitted_mean"].values[1:] == pytest.approx(means, abs=0.06)
+    # The interval over the parameters is wider than that of the sampling.
+    width = np.ptp(found["plug_in_below"].values[0, 1:])
+    assert np.ptp(found["fitted_below"].values[0, 1:]) > 5 * width
+    assert "the family is taken as known" in estimate_remark(found["fitted_below"][0])
+
+
+def test_a_predictive_probability_is_never_stated_alone(fitted):
+    _, tree = fitted
+    said = " ".join(summary_lines(tree)).replace("\u00a0", " ")
+    assert "of the next one; over all parameters that fit the specimens as well" in said
+    assert "x (8). Each answer is of the next one" in said
+    assert "No interval includes the uncertainty of these fits" not in said
+
+
+def test_draws_of_which_few_runs_count_are_told(fitted, monkeypatch):
+    study, tree = fitted
+    monkeypatch.setattr(module, "_FEW_OF_DRAW", 0.5)
+    runs = tree["runs/some"].to_dataset()
+    found = module.statistics_over_unknowns(runs, study.quantities_of_interest, study.joint)
+    assert "% of the runs count for" in estimate_remark(found["y"]["fitted_below"][0])
+
+
+def test_numbers_do_not_depend_on_the_draws_that_are_in_memory_together(fitted, monkeypatch):
+    study, tree = fitted
+    runs = tree["runs/some"].to_dataset()
+    asked = runs, study.quantities_of_interest, study.joint
+    before = module.statistics_over_unknowns(*asked)["y"]["fitted_below"]
+    monkeypatch.setattr(module, "_TOGETHER", 250)
+    after = module.statistics_over_unknowns(*asked)["y"]["fitted_below"]
+    assert after.values == pytest.approx(before.values, rel=1e-12)
+
+
+@pytest.fixture(scope="module")
+def box(module_study_of):
+    study = module_study_of(
+        "x + 0 * b", ASKED + 'kind = "monte-carlo"\nruns = 2000', x=BOX, b="0 ± 1"
+    )
+    return study, uqpen.run(study)
+
+
+def test_bounds_over_a_box_contain_the_true_ones(box):
+    _, tree = box
+    found = stated(tree)
+    exact = {
+        "exceedance": norm.sf([3, 4 / 3]),
+        "below": norm.cdf([-1, 0]),
+        "quantile": [norm.ppf(0.9), 1 + 1.5 * norm.ppf(0.9)],
+        "mean": [0, 1],
+    }
+    for name, (least, largest) in exact.items():
+        lower, upper = (found[f"{end}_{name}"] for end in ("lower", "upper"))
+        if name == "quantile":
+            lower, upper = (each.sel(probability=0.9) for each in (lower, upper))
+        lower, upper = np.ravel(lower.values), np.ravel(upper.values)
+        assert lower[1] <= least <= lower[0] + 3 * (lower[0] - lower[1])
+        assert upper[0] - 3 * (upper[2] - upper[0]) <= largest <= upper[2]
+    note = estimate_remark(found["upper_exceedance"][0])
+    assert "largest, with x of mean 1, std 1.5" in note
+
+
+def test_a_box_has_no_one_distribution(box):
+    study, tree = box
+    assert tree["runs/some"].attrs["sampling"] == Sampling.OVER_BOX
+    assert not {"mean", "exceedance", "cdf", "first_order"} & {*tree["statistics/some/y"].data_vars}
+    assert study.joint.at({"x": Normal(0.0, 1.0)}).boxes == ()
+    lines = " ".join(summary_lines(tree)).replace("\u00a0", " ")
+    assert "over all values of mean and std of x; both bounds lie between" in lines
+    bounds = {each.title for each in found_bounds(SourceStatistics(tree), "some")}
+    assert bounds >= {"P(> 3) of y", "mean of y"}
+
+
+def test_too_few_runs_of_a_distribution_give_no_bounds(study_of):
+    wide = "{ normal = { mean = [0, 20], std = 1 } }"
+    study = study_of(
+        "x", '[outputs.y]\nexceeds = [3]\n[designs.some]\nkind = "monte-carlo"\nruns = 900', x=wide
+    )
+    found = stated(uqpen.run(study))["upper_exceedance"]
+    assert np.isnan(found.values[0, 1:]).all()
+    assert "no bounds:" in estimate_remark(found[0])
+    assert "effective runs" in estimate_remark(found[0])
+
+
+def test_without_the_event_there_are_no_bounds(study_of):
+    study = study_of(
+        "x", '[outputs.y]\nexceeds = [99]\n[designs.some]\nkind = "monte-carlo"\nruns = 500', x=BOX
+    )
+    found = stated(uqpen.run(study))["upper_exceedance"]
+    assert np.isnan(found.values[0, 1:]).all()
+    assert "the event occurs in all runs or in none" in estimate_remark(found[0])
+
+
+def test_failed_runs_widen_bounds_for_any_outcome(box):
+    study, tree = box
+    runs = tree["runs/some"].to_dataset()
+    lost = runs.assign({STATUS: runs[STATUS].where(np.arange(2000) >= 40, 2)})
+    lost["y"] = lost["y"].where(lost[STATUS] == 0)
+    found = module.statistics_over_unknowns(lost, study.quantities_of_interest, study.joint)["y"]
+    before = stated(tree)["upper_exceedance"].values[0, 2]
+    assert found["upper_exceedance"].values[0, 2] > before + 0.01
+
+
+def test_a_few_repetitions_contain_both_true_bounds(study_of):
+    # A sample of benchmarks/unknowns_coverage.py: 20 seeds, both ends at 97.5 %.
+    study = study_of("x", "[outputs.y]\nexceeds = [3]", x=BOX)
+    held = 0
+    for seed in range(20):
+        unit = np.random.default_rng(seed).random((500, 1))
+        points = study.joint.points(unit, {})
+        runs = points.assign({"y": points["x"], STATUS: ("run", np.zeros(500, np.int8))})
+        runs = runs.assign_attrs(sampling=str(Sampling.OVER_BOX))
+        quantities = [each for each in study.quantities_of_interest if each.output.name == "y"]
+        found = module.statistics_over_unknowns(runs, quantities, study.joint, only={"exceedance"})
+        lower, upper = (found["y"][f"{end}_exceedance"].values[0] for end in ("lower", "upper"))
+        held += lower[1] <= norm.sf(3) and norm.sf(4 / 3) <= upper[2]
+    assert held >= 17

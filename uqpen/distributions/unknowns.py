@@ -1,0 +1,373 @@
+"""Unknowns of a distribution: parameters fitted to specimens, and parameters that are intervals.
+
+A random input with an unknown has no one distribution. It has those at each value of the unknown,
+and the answers of a study are those over all of them. Points are drawn from one distribution
+with the mass of all, and each run counts by the ratio of two densities.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+
+import numpy as np
+import scipy
+
+from uqpen.core.arrays import FloatArray
+from uqpen.core.errors import Problem, SettingsError
+from uqpen.core.lookup import resolve
+from uqpen.distributions import DISTRIBUTIONS
+from uqpen.distributions.distribution import OPEN_INTERVAL, Distribution
+from uqpen.distributions.measurements import maximum_likelihood
+from uqpen.distributions.univariate import (
+    Gamma,
+    Gumbel,
+    Lognormal,
+    LogUniform,
+    Mixture,
+    Normal,
+    Student,
+    Truncated,
+    Uniform,
+    Weibull,
+)
+
+
+class Unknown(ABC):
+    """What is not known of the distribution of an input."""
+
+    @abstractmethod
+    def drawn(self) -> Distribution:
+        """Return the distribution that points are drawn from."""
+
+    @abstractmethod
+    def truncated(self, lower: float, upper: float) -> Unknown:
+        """Return the same of the truncated distributions."""
+
+
+# Parameters fitted to specimens.
+
+# Draws of the parameters: the ends of a 95 % interval over them lie on 25 draws each.
+DRAWS = 1000
+
+
+@dataclass(frozen=True, eq=False)
+class FittedParameters(Unknown):
+    """Parameters that were fitted to few specimens, so that other ones are likely too."""
+
+    fitted: Distribution  # with the parameters of maximum likelihood
+    # With parameters under which such specimens would be likely as well, all equally probable.
+    draws: tuple[Distribution, ...]
+    predictive: Distribution  # of the next specimen: the mixture of the draws
+
+    def drawn(self) -> Distribution:
+        return self.predictive
+
+    def truncated(self, lower: float, upper: float) -> FittedParameters:
+        each = [Truncated(part, lower, upper) for part in (self.fitted, *self.draws)]
+        return FittedParameters(each[0], tuple(each[1:]), Mixed.of(each[1:]))
+
+
+@dataclass(frozen=True)
+class _Pivots:
+    """A family whose parameters are a location and a scale, perhaps of the logarithm."""
+
+    family: str  # of the variable, or of its logarithm
+    standard: Distribution  # its member of location 0 and scale 1
+    pair: Callable[[Distribution], tuple[float, float]]  # the location and the scale of a member
+    member: Callable[[float, float], Distribution]  # of the variable
+    is_of_logarithm: bool = False
+
+
+def _lognormal(location: float, scale: float) -> Lognormal:
+    mean = math.exp(location + scale**2 / 2)
+    return Lognormal(mean, mean * math.sqrt(math.expm1(scale**2)))
+
+
+def _own_pair(found: Distribution) -> tuple[float, float]:
+    assert isinstance(found, Normal | Gumbel)
+    return found.mean, found.std
+
+
+def _weibull_pair(found: Distribution) -> tuple[float, float]:
+    assert isinstance(found, Weibull)
+    return math.log(found.scale), 1 / found.shape
+
+
+def _uniform_pair(found: Distribution) -> tuple[float, float]:
+    assert isinstance(found, Uniform)
+    return found.lower, found.upper - found.lower
+
+
+_PIVOTS: Mapping[type[Distribution], _Pivots] = {
+    Normal: _Pivots("normal", Normal(0.0, 1.0), _own_pair, Normal),
+    Lognormal: _Pivots("normal", Normal(0.0, 1.0), _own_pair, _lognormal, is_of_logarithm=True),
+    Gumbel: _Pivots("gumbel", Gumbel(0.0, 1.0), _own_pair, Gumbel),
+    Weibull: _Pivots(
+        "weibull",
+        Weibull(1.0, 1.0),
+        _weibull_pair,
+        lambda location, scale: Weibull(1 / scale, math.exp(location)),
+    ),
+    Uniform: _Pivots(
+        "uniform",
+        Uniform(0.0, 1.0),
+        _uniform_pair,
+        lambda location, scale: Uniform(location, location + scale),
+    ),
+    LogUniform: _Pivots(
+        "uniform",
+        Uniform(0.0, 1.0),
+        _uniform_pair,
+        lambda location, scale: LogUniform(math.exp(location), math.exp(location + scale)),
+        is_of_logarithm=True,
+    ),
+}
+
+
+def fitted_parameters(
+    family: str, measurements: FloatArray, rng: np.random.Generator
+) -> FittedParameters:
+    """Fit a family to specimens, and draw parameters that are as likely as those of the fit.
+
+    Of a family with a location and a scale, the draws are pivotal: samples of its standard member,
+    as many as there are specimens, are fitted as these are, and have m and s. The parameters
+    of a draw are σ = s₀/s and μ = m₀ − m σ, where m₀, s₀ are those of the specimens. Intervals of
+    a quantile or a probability over the draws then are exact for any number of specimens, and
+    the mixture of the draws is the predictive distribution: it holds the next specimen below its
+    5 % quantile in 5 % of all cases. For the normal distribution it is Student's.
+    The gamma distribution has draws of its posterior for a reference prior, on a grid.
+
+    Parameters
+    ----------
+    family : str
+        One of `uqpen.distributions.measurements.fitted_families`.
+    measurements : ndarray, shape (measurement,)
+        In SI units.
+    rng : Generator
+
+    Raises
+    ------
+    SettingsError
+        If the family has no fit to the measurements, or draws are beyond double precision.
+
+    References
+    ----------
+    Lawless, J. F. (2003). Statistical Models and Methods for Lifetime Data, appendix E. Wiley.
+    Geisser, S. (1993). Predictive Inference. Chapman & Hall.
+    """
+    fitted, cls = maximum_likelihood(family, measurements), resolve(DISTRIBUTIONS[family])
+    try:
+        with np.errstate(all="ignore"):
+            made: Iterator[Distribution] = (
+                _gamma_draws(measurements, rng)
+                if cls is Gamma
+                else _pivotal_draws(_PIVOTS[cls], measurements, rng)
+            )
+            draws = tuple(made)
+    except (ArithmeticError, ValueError, SettingsError):
+        draws = ()
+    if not draws or not all(each.is_finite for each in draws):
+        found = f"measurements too far apart for the uncertainty of a {family} distribution"
+        raise SettingsError([Problem((), found, "another family, or more measurements")])
+    if cls is Normal:
+        count = len(measurements)
+        width = float(measurements.std(ddof=1)) * math.sqrt(1 + 1 / count)
+        return FittedParameters(
+            fitted, draws, Student(float(measurements.mean()), width, count - 1.0)
+        )
+    return FittedParameters(fitted, draws, Mixed.of(draws))
+
+
+def _pivotal_draws(
+    pivots: _Pivots, measurements: FloatArray, rng: np.random.Generator
+) -> Iterator[Distribution]:
+    values = np.log(measurements) if pivots.is_of_logarithm else measurements
+    location, scale = pivots.pair(maximum_likelihood(pivots.family, values))
+    for _ in range(DRAWS):
+        sample = pivots.standard.ppf(np.clip(rng.random(len(values)), *OPEN_INTERVAL))
+        own_location, own_scale = pivots.pair(maximum_likelihood(pivots.family, sample))
+        drawn_scale = scale / own_scale
+        yield pivots.member(location - own_location * drawn_scale, drawn_scale)
+
+
+def _gamma_draws(measurements: FloatArray, rng: np.random.Generator) -> Iterator[Gamma]:
+    """Draw from the posterior of a gamma distribution, its shape on a grid.
+
+    The prior is √(k ψ′(k) − 1) / √k of the shape k and 1/θ of the scale θ.
+
+    References
+    ----------
+    Sun, D. & Ye, K. (1996). J. Statist. Plann. Inference 54, 41-58.
+    """
+    count, total = len(measurements), float(measurements.sum())
+    excess = math.log(total / count) - float(np.log(measurements).mean())
+    # From far below to far above the likeliest shape, which is from 1/2 to 1 over the excess.
+    logarithms = np.linspace(math.log(1e-3 / excess), math.log(1e3 / excess), 20_001)
+    k = np.exp(logarithms)
+    # k ψ′(k) − 1 of a large shape, where the difference cancels.
+    curvature = np.where(
+        k > 1e4, 1 / (2 * k) + 1 / (6 * k**2), k * scipy.special.polygamma(1, k) - 1
+    )
+    likelihood = scipy.special.gammaln(count * k) - count * scipy.special.gammaln(k)
+    likelihood -= count * k * (math.log(count) + excess)
+    density = likelihood + np.log(curvature) / 2 + np.log(k) / 2  # of the logarithm of k
+    below = np.cumsum(np.exp(density - density.max()))
+    shapes = np.exp(np.interp(rng.random(DRAWS), below / below[-1], logarithms))
+    scales = total / rng.gamma(count * shapes)
+    for shape, scale in zip(shapes.tolist(), scales.tolist(), strict=True):
+        yield Gamma(shape * scale, math.sqrt(shape) * scale)
+
+
+# Knots of a mixture of many distributions, and how far out they lie in standard normal deviations:
+# no draw is beyond. Between two of them, the deviate is wrong by less than 1e-4.
+_KNOTS, _OUTERMOST = 1025, 8.4
+# Probabilities at which all parts have a first knot.
+_FIRST = 33
+
+
+@dataclass(frozen=True)
+class Mixed(Distribution):
+    """Mixture of many distributions of one kind, all equally probable, by a table.
+
+    The standard normal deviate of a probability is linear in the value, or in its logarithm where
+    all values are above 0, between the knots of the table.
+    """
+
+    knots: tuple[float, ...]  # ascending: values, or logarithms of values
+    deviates: tuple[float, ...]  # ascending: the deviate of the probability below each
+    is_logarithmic: bool = False
+
+    @classmethod
+    def of(cls, parts: Sequence[Distribution]) -> Mixed:
+        """Return the mixture of some distributions."""
+        first = scipy.special.ndtr(np.linspace(-_OUTERMOST, 0.0, _FIRST))
+        ends = np.array([[part.ppf(first), part.isf(first)] for part in parts])
+        is_logarithmic = bool((ends > 0).all())
+        # At each probability, the quantile of a mixture lies among those of its parts.
+        known = ends[:, np.isfinite(ends).all(axis=0)]
+        x = np.unique(np.quantile(known, [0.0, 0.1, 0.5, 0.9, 1.0], axis=0))
+        for _ in range(3):
+            z = _mixed_deviates(parts, x)
+            x, z = _ascending(x, z)
+            spread = np.linspace(max(z[0], -_OUTERMOST), min(z[-1], _OUTERMOST), _KNOTS)
+            scaled = np.log(x) if is_logarithmic else x
+            knots = np.interp(spread, z, scaled)
+            x = np.unique(np.exp(knots) if is_logarithmic else knots)
+        x, z = _ascending(x, _mixed_deviates(parts, x))
+        knots = np.log(x) if is_logarithmic else x
+        return cls(tuple(knots.tolist()), tuple(z.tolist()), is_logarithmic)
+
+    def ppf(self, probability: FloatArray) -> FloatArray:
+        return self._value(scipy.special.ndtri(probability))
+
+    def isf(self, probability: FloatArray) -> FloatArray:
+        return self._value(-scipy.special.ndtri(probability))
+
+    def cdf(self, value: FloatArray) -> FloatArray:
+        return scipy.special.ndtr(self._deviate(value))
+
+    def sf(self, value: FloatArray) -> FloatArray:
+        return scipy.special.ndtr(-self._deviate(value))
+
+    def log_density(self, value: FloatArray) -> FloatArray:
+        knots, deviates = self._table
+        scaled = np.log(value) if self.is_logarithmic else np.asarray(value)
+        slopes = np.diff(deviates) / np.diff(knots)
+        place = np.clip(np.searchsorted(knots, scaled, side="right") - 1, 0, len(slopes) - 1)
+        deviate = np.interp(scaled, knots, deviates)
+        found = np.log(slopes[place]) - deviate**2 / 2 - math.log(2 * math.pi) / 2
+        is_inside = (scaled >= knots[0]) & (scaled <= knots[-1])
+        return np.where(is_inside, found - (scaled if self.is_logarithmic else 0.0), -np.inf)
+
+    @cached_property
+    def _table(self) -> tuple[FloatArray, FloatArray]:
+        return np.array(self.knots), np.array(self.deviates)
+
+    def _value(self, deviate: FloatArray) -> FloatArray:
+        knots, deviates = self._table
+        found = np.interp(deviate, deviates, knots)
+        return np.exp(found) if self.is_logarithmic else found
+
+    def _deviate(self, value: FloatArray) -> FloatArray:
+        knots, deviates = self._table
+        scaled = np.log(value) if self.is_logarithmic else value
+        return np.interp(scaled, knots, deviates, left=-np.inf, right=np.inf)
+
+
+def _mixed_deviates(parts: Sequence[Distribution], x: FloatArray) -> FloatArray:
+    """Return the deviates of a mixture's probabilities, each from the tail that has its digits."""
+    half = int(np.searchsorted(x, np.median([part.median for part in parts])))
+    low, high = x[:half], x[half:]
+    below, above = np.zeros(len(low)), np.zeros(len(high))
+    for part in parts:
+        below += part.cdf(low)
+        above += part.sf(high)
+    deviates = scipy.special.ndtri(below / len(parts)), scipy.special.ndtri(above / len(parts))
+    return np.concatenate([deviates[0], -deviates[1]])
+
+
+def _ascending(x: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the knots whose finite deviates lie above all before."""
+    finite = np.isfinite(z)
+    x, z = x[finite], z[finite]
+    keeps = np.concatenate([[True], z[1:] > np.maximum.accumulate(z)[:-1]])
+    return x[keeps], z[keeps]
+
+
+# Parameters that are intervals: a box of distributions, or p-box.
+
+# Values of each parameter that are looked at, by the number of parameters of one box.
+_LOOKED_AT: Mapping[int, tuple[int, ...]] = {1: (31,), 2: (15, 9), 3: (9, 7, 7), 4: (7, 5, 5, 5)}
+
+
+@dataclass(frozen=True, eq=False)
+class ParameterBox(Unknown):
+    """A family of distributions, some of its parameters known by their two ends alone.
+
+    References
+    ----------
+    Ferson, S. et al. (2003). Constructing probability boxes and Dempster-Shafer structures. Sandia
+    National Laboratories, SAND2002-4015.
+    """
+
+    family: type[Distribution]
+    parameters: Mapping[str, float]  # those with one value
+    ends: Mapping[str, tuple[float, float]]  # the lower and the upper end of the others
+    limits: tuple[float, float] = (-math.inf, math.inf)  # of a truncated distribution
+
+    def __post_init__(self) -> None:
+        self.corners()
+
+    def corners(self) -> list[Distribution]:
+        """Return the distributions at the corners; SettingsError if one has no meaning."""
+        return [self.at(values) for values in product(*self.ends.values())]
+
+    def at(self, values: tuple[float, ...]) -> Distribution:
+        """Return the distribution at values of the parameters that are intervals."""
+        found = self.family(**self.parameters, **dict(zip(self.ends, values, strict=True)))
+        return found if self.limits == (-math.inf, math.inf) else Truncated(found, *self.limits)
+
+    def drawn(self) -> Distribution:
+        """Return a mixture of the corners and of the middle with the largest spread."""
+        middle = [
+            upper if name == "std" else (lower + upper) / 2
+            for name, (lower, upper) in self.ends.items()
+        ]
+        return Mixture((*self.corners(), self.at(tuple(middle))))
+
+    def looked_at(self) -> Iterator[Distribution]:
+        """Yield the distributions on a grid over the box, its corners among them."""
+        counts = _LOOKED_AT.get(len(self.ends), (3,) * len(self.ends))
+        lines = [
+            np.linspace(*ends, count).tolist()
+            for ends, count in zip(self.ends.values(), counts, strict=True)
+        ]
+        return (self.at(values) for values in product(*lines))
+
+    def truncated(self, lower: float, upper: float) -> ParameterBox:
+        return ParameterBox(self.family, self.parameters, self.ends, (lower, upper))

@@ -1,0 +1,386 @@
+"""Answers over the unknowns of distributions, from the runs of one design by weights.
+
+Points are drawn from a distribution with the mass of all that are possible. Under one of these
+a run counts by the ratio of its density to that of the draw, so the same runs answer for each.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import scipy
+import xarray as xr
+
+from uqpen.core.arrays import BoolArray, FloatArray
+from uqpen.core.blocks import BlockedRuns, LoadedDataset
+from uqpen.core.catalogue import CATALOGUE
+from uqpen.core.labels import SAMPLING
+from uqpen.core.lookup import resolve
+from uqpen.core.sampling import Sampling
+from uqpen.core.streams import BLOCK
+from uqpen.distributions.distribution import Distribution
+from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
+from uqpen.distributions.measurements import parameters_text
+from uqpen.distributions.unknowns import DRAWS, FittedParameters, ParameterBox
+from uqpen.statistics import texts
+from uqpen.statistics.analyze import OutputStatistics, output_run_counts, run_counts
+from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.quantity_of_interest import QuantityOfInterest
+from uqpen.statistics.run_samples import sample_of
+from uqpen.statistics.sample import Sample
+from uqpen.statistics.weights import effective_sizes
+
+# What has answers over unknowns.
+_KNOWN_OVER_UNKNOWNS = tuple(
+    CATALOGUE[name] for name in ("mean", "quantile", "exceedance", "below", "share")
+)
+
+# A draw of which fewer runs count than this share of all is told.
+_FEW_OF_DRAW = 0.05
+# Draws whose weights are in memory together.
+_TOGETHER = 50
+
+# Fewest effective runs of each distribution of a box, and their least share of all.
+_FEWEST_OF_BOX, _LEAST_SHARE_OF_BOX = 30, 0.1
+
+
+def statistics_over_unknowns(
+    runs: xr.Dataset | BlockedRuns,
+    quantities: Sequence[QuantityOfInterest],
+    joint: JointDistribution,
+    *,
+    only: Collection[str] | None = None,
+) -> dict[str, OutputStatistics]:
+    """Compute the answers over the unknowns of a joint distribution.
+
+    Parameters
+    ----------
+    runs : Dataset or BlockedRuns
+        Of a design whose points are a sample of `joint`, or go over its boxes. Of more than 65 536
+        runs the first ones are taken, which are a sample as well.
+    quantities : sequence of QuantityOfInterest
+    joint : JointDistribution
+    only : collection of str, optional
+        Groups of statistics, where not all of them are wanted.
+
+    Returns
+    -------
+    dict of str to dict of str to DataArray
+        By output, estimate arrays by statistic: ``plug_in_…`` and ``fitted_…`` where parameters are
+        uncertain, ``lower_…`` and ``upper_…`` where some are intervals. Empty where none is.
+    """
+    sampling = Sampling(runs.attrs[SAMPLING])
+    has_sample = sampling in (Sampling.INDEPENDENT, Sampling.STRATIFIED)
+    if not (joint.boxes or (joint.fitted and has_sample)):
+        return {}
+    if joint.boxes and sampling is not Sampling.OVER_BOX:
+        return {}
+    handle = LoadedDataset.of(runs)
+    taken = handle.read(0, min(handle.size, BLOCK)).assign_attrs(handle.attrs)
+    independent = taken.assign_attrs({SAMPLING: str(Sampling.INDEPENDENT)})
+    note = texts.FIRST_RUNS.format(runs=BLOCK) if handle.size > BLOCK else ""
+    part, of_runs = LoadedDataset(taken), run_counts(LoadedDataset(taken))
+    found: dict[str, OutputStatistics] = {}
+    records = [each for each in _KNOWN_OVER_UNKNOWNS if only is None or each.group in only]
+    for quantity in quantities:
+        if quantity.output.dims:
+            continue
+        output = quantity.output.name
+        # Strata of the points are not kept by weights: without them the error is larger.
+        sample = replace(sample_of(independent, output), level=quantity.confidence_level)
+        sample = replace(sample, replicates=np.zeros_like(sample.replicates))
+        counts = output_run_counts(part, of_runs, output)
+        made = (
+            (record, dict(resolve(record.by["sample"])(sample, quantity))) for record in records
+        )
+        templates = {each.name: arrays[each.name] for each, arrays in made if each.name in arrays}
+        estimates = _box_estimates if joint.boxes else _fitted_estimates
+        found[output] = {
+            name: _array(estimate.with_note(note), template, name, sample.level, counts)
+            for name, template, estimate in estimates(
+                sample, independent, quantity, joint, templates
+            )
+        }
+    return found
+
+
+class _Ratios:
+    """Logarithms of the ratios of densities at all runs, by the distributions of some inputs."""
+
+    def __init__(self, runs: xr.Dataset, entries: Sequence[RandomInput]) -> None:
+        self._values = [runs[entry.variable.name].values for entry in entries]
+        drawn = [entry.distribution for entry in entries]
+        self._drawn = self._log_density(drawn)
+
+    def at(self, distributions: Sequence[Distribution]) -> FloatArray:
+        """Return the ratios under other distributions, shape (run,)."""
+        return self._log_density(distributions) - self._drawn
+
+    def _log_density(self, distributions: Sequence[Distribution]) -> FloatArray:
+        found = [
+            each.log_density(values)
+            for each, values in zip(distributions, self._values, strict=True)
+        ]
+        # Those of built-in families are known.
+        return np.sum([each for each in found if each is not None], axis=0)
+
+
+def _weighted(sample: Sample, ratios: FloatArray) -> Sample:
+    return replace(sample, weights=np.exp(ratios - ratios.max()))
+
+
+def _array(
+    found: Estimate,
+    template: xr.DataArray,
+    name: str,
+    level: float,
+    counts: Mapping[str, int | str],
+) -> xr.DataArray:
+    """Return answers as an estimate array of the entries that another one has."""
+    long_name = f"{CATALOGUE[name].title}, of {template.attrs['long_name']}"
+    return found.in_place_of(template, level=level).assign_attrs({"long_name": long_name, **counts})
+
+
+# Parameters fitted to specimens: the plug-in answer, and the interval over the draws.
+
+
+def _fitted_estimates(
+    sample: Sample,
+    runs: xr.Dataset,
+    quantity: QuantityOfInterest,
+    joint: JointDistribution,
+    templates: Mapping[str, xr.DataArray],
+) -> Iterator[tuple[str, xr.DataArray, Estimate]]:
+    entries = joint.fitted
+    unknowns = [e.unknown for e in entries if isinstance(e.unknown, FittedParameters)]
+    ratios = _Ratios(runs, entries)
+    fitted = _weighted(sample, ratios.at([each.fitted for each in unknowns]))
+    over = _OverDraws(sample, quantity, [*templates])
+    for start in range(0, DRAWS, _TOGETHER):
+        together = [
+            ratios.at([each.draws[draw] for each in unknowns])[sample.used]
+            for draw in range(start, start + _TOGETHER)
+        ]
+        over.add(np.array(together))
+    for name, template in templates.items():
+        plug_in = resolve(CATALOGUE[name].by["part"])(fitted, quantity)
+        yield f"plug_in_{name}", template, plug_in
+        yield f"fitted_{name}", template, over.estimate(name)
+
+
+class _OverDraws:
+    """Answers of one output over draws of parameters, each with a draw for its sampling error."""
+
+    def __init__(self, sample: Sample, quantity: QuantityOfInterest, names: Sequence[str]) -> None:
+        self._sample, self._quantity = sample, quantity
+        self._order = np.argsort(sample.values, kind="stable")
+        self._sorted = sample.values[self._order]
+        self._few = 0  # draws of which few runs count
+        self._found: dict[str, list[FloatArray]] = {name: [] for name in names}
+        self._uniform = _spread_out(DRAWS)
+        self._next = 0
+
+    def add(self, ratios: FloatArray) -> None:
+        """Take further draws into account, their log ratios of shape (draw, run)."""
+        draws = len(ratios)
+        uniform = self._uniform[self._next : self._next + draws]
+        self._next += draws
+        if not self._sample.size:
+            return
+        largest = ratios.max(axis=1, keepdims=True)
+        weights = np.exp(ratios - np.where(np.isfinite(largest), largest, 0.0))
+        total = weights.sum(axis=1, keepdims=True)
+        shares = weights / np.where(total > 0, total, 1.0)
+        sizes = effective_sizes(shares)
+        self._few += int((sizes < _FEW_OF_DRAW * self._sample.size).sum())
+        for name, found in self._found.items():
+            if name == "mean":
+                found.append(self._means(shares, sizes, uniform))
+            elif name == "quantile":
+                found.append(self._quantiles(shares, uniform))
+            else:
+                found.append(self._probabilities(shares, self._events(name), uniform))
+
+    def estimate(self, name: str) -> Estimate:
+        """Return the median and the interval over the draws."""
+        found = self._found[name]
+        if not found:
+            count = len(self._events(name))
+            shape = () if name == "mean" else (count,)
+            return Estimate.without_bounds(np.full(shape, np.nan), texts.NO_RUN)
+        tail = (1 - self._sample.level) / 2
+        values = np.concatenate(found)
+        finite = np.isfinite(values).all(axis=0)
+        low, middle, high = np.quantile(values, [tail, 0.5, 1 - tail], axis=0)
+        note = texts.FEW_RUNS_OF_DRAWS.format(few=self._few, draws=DRAWS) if self._few else ""
+        estimate = Estimate(middle, low, high, texts.OVER_DRAWS.format(draws=DRAWS), "nominal")
+        missing = self._sample.missing.size
+        left_out = texts.WITHOUT_MISSING.format(runs=missing) if missing else ""
+        estimate = estimate.with_note(note, left_out, texts.FAMILY_IS_GIVEN)
+        reason = self._sample.reason_without_intervals or texts.NO_RUN_OF_DRAW
+        if self._sample.reason_without_intervals:
+            finite = np.zeros_like(finite)
+        return estimate.remove_bounds_at(~finite, reason)
+
+    def _events(self, name: str) -> BoolArray:
+        """Return whether each event of a probability occurs, shape (event, run)."""
+        values, quantity = self._sample.values, self._quantity
+        if name == "exceedance":
+            rows = [values > each.value for each in quantity.thresholds]
+        elif name == "below":
+            rows = [values < each.value for each in quantity.lower_thresholds]
+        elif name == "share":
+            rows = [values == kind for kind in range(len(quantity.output.categories))]
+        else:
+            rows = [values <= np.nan for _ in quantity.quantiles]
+        return np.array(rows, dtype=np.bool_).reshape(len(rows), len(values))
+
+    def _probabilities(
+        self, shares: FloatArray, events: BoolArray, uniform: FloatArray
+    ) -> FloatArray:
+        columns = events.T.astype(np.float64)
+        p, squares = shares @ columns, (shares**2) @ columns
+        every = (shares**2).sum(axis=1, keepdims=True)
+        return _probability_draw(p, squares, every, uniform[:, np.newaxis])
+
+    def _means(self, shares: FloatArray, sizes: FloatArray, uniform: FloatArray) -> FloatArray:
+        values = self._sample.values
+        centre = float(values.mean())
+        mean = shares @ (values - centre)
+        squares = (shares**2) @ np.stack([(values - centre) ** 2, values - centre], axis=1)
+        every = (shares**2).sum(axis=1)
+        variance = squares[:, 0] - 2 * mean * squares[:, 1] + mean**2 * every
+        freedom = np.maximum(sizes - 1, 1.0)
+        error = np.sqrt(np.maximum(variance, 0.0) * sizes / freedom)
+        return np.asarray(centre + mean + error * scipy.special.stdtrit(freedom, uniform))
+
+    def _quantiles(self, shares: FloatArray, uniform: FloatArray) -> FloatArray:
+        """Return quantiles at a probability with a draw for the error of the one that is there."""
+        wanted = np.array(self._quantity.quantiles)
+        ordered = shares[:, self._order]
+        below, squares = np.cumsum(ordered, axis=1), np.cumsum(ordered**2, axis=1)
+        middles = below - ordered / 2
+        found = np.empty((len(shares), len(wanted)))
+        for row in range(len(shares)):
+            places = np.minimum(np.searchsorted(below[row], wanted), below.shape[1] - 1)
+            p, own = below[row, places], squares[row, places]
+            at = _probability_draw(p, own, squares[row, -1], uniform[row])
+            # As far from the level as the draw lies from the share of the runs there.
+            found[row] = np.interp(wanted + (at - p), middles[row], self._sorted)
+        return found
+
+
+def _spread_out(count: int) -> FloatArray:
+    """Return numbers between 0 and 1 that are spread evenly, also those of any part in a row.
+
+    Multiples of the golden ratio need no random stream.
+    """
+    return np.asarray((np.arange(count) + 0.5) * ((math.sqrt(5) - 1) / 2) % 1.0)
+
+
+def _probability_draw(
+    p: FloatArray, squares: FloatArray, every: FloatArray, uniform: FloatArray
+) -> FloatArray:
+    """Return a draw of a probability given the runs: beta, at the effective number of runs.
+
+    Parameters
+    ----------
+    p : ndarray, shape (...)
+        Share of the weight in the event.
+    squares, every : ndarray, shape (...)
+        Sums of the squares of the weights over the event and over all runs; the weights add to 1.
+    uniform : ndarray, shape (...)
+        Where in the distribution the draw lies.
+    """
+    error = (1 - 2 * p) * squares + p**2 * every
+    is_known = (error > 0) & (p > 0) & (p < 1)
+    runs = np.where(is_known, p * (1 - p) / np.where(is_known, error, 1.0), 1 / every)
+    inside = np.clip(p, 0.0, 1.0)
+    return np.asarray(
+        scipy.special.betaincinv(inside * runs + 0.5, (1 - inside) * runs + 0.5, uniform)
+    )
+
+
+# Parameters that are intervals: the least and the largest answer over the box.
+
+
+def _box_estimates(
+    sample: Sample,
+    runs: xr.Dataset,
+    quantity: QuantityOfInterest,
+    joint: JointDistribution,
+    templates: Mapping[str, xr.DataArray],
+) -> Iterator[tuple[str, xr.DataArray, Estimate]]:
+    entries = joint.boxes
+    boxes = [each.unknown for each in entries if isinstance(each.unknown, ParameterBox)]
+    places = [*product(*(box.looked_at() for box in boxes))]
+    ratios = _Ratios(runs, entries)
+    samples = [_weighted(sample, ratios.at(place)) for place in places]
+    least = min((each.effective_size for each in samples), default=0.0)
+    reason = ""
+    if least < max(_FEWEST_OF_BOX, _LEAST_SHARE_OF_BOX * sample.size):
+        share = 100 * least / max(sample.size, 1)
+        reason = texts.FEW_RUNS_OF_BOX.format(
+            least=least, share=share, fewest=_FEWEST_OF_BOX, most=100 * _LEAST_SHARE_OF_BOX
+        )
+    at = np.array(
+        [
+            ", ".join(
+                f"{entry.variable.name} of {parameters_text(each, entry.display_unit)}"
+                for entry, each in zip(entries, place, strict=True)
+            )
+            for place in places
+        ],
+        dtype=object,
+    )
+    for name, template in templates.items():
+        each = Estimate.stacked(
+            [resolve(CATALOGUE[name].by["part"])(own, quantity) for own in samples], axis=0
+        )
+        for end, estimate in _ends(each, at):
+            if reason:
+                estimate = Estimate.without_bounds(estimate.value, reason)
+            yield f"{end}_{name}", template, estimate
+
+
+def _ends(each: Estimate, at: FloatArray) -> Iterator[tuple[str, Estimate]]:
+    """Yield the least and the largest of estimates along the first axis, each with its limit.
+
+    The limit of the upper bound is the largest upper limit of all, which is at least the one where
+    the true bound is. So no search needs a correction.
+    """
+    known = np.asarray(each.has_bounds).all(axis=0)
+    reasons = np.asarray(each.note, dtype=object)
+    bounds = each.bounds
+    for end, place in (
+        ("lower", np.asarray(np.argmin(bounds[..., 0], axis=0))),
+        ("upper", np.asarray(np.argmax(bounds[..., 0], axis=0))),
+    ):
+        value, lower, upper = (
+            np.take_along_axis(bounds[..., column], place[np.newaxis], axis=0)[0]
+            for column in range(3)
+        )
+        if end == "lower":
+            lower = bounds[..., 1].min(axis=0)
+        else:
+            upper = bounds[..., 2].max(axis=0)
+        which = texts.END_OF_BOX[end]
+        said = np.array([which.format(at=text) for text in at[place.ravel()]], dtype=object)
+        found = Estimate(value, lower, upper, "", "conservative")
+        own = np.take_along_axis(np.asarray(each.method, dtype=object), place[np.newaxis], axis=0)
+        method = texts.OVER_BOX.replace("{points}", str(len(at)))
+        found = replace(found, method=own[0], note=said.reshape(place.shape)).with_method(method)
+        # Where one distribution has no interval, its limit may be the largest.
+        without = np.array(
+            [
+                next((str(text) for text in column if text), texts.NO_RUN)
+                for column in np.where(each.has_bounds, "", reasons).reshape(len(at), -1).T
+            ],
+            dtype=object,
+        )
+        refused = replace(Estimate.without_bounds(value), note=without.reshape(np.shape(value)))
+        yield end, found.replace_at(~known, refused)
