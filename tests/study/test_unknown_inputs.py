@@ -88,8 +88,11 @@ def test_a_surrogate_over_a_box_is_refused(study_of):
 
 @pytest.mark.parametrize("unknown", [BOX, MEASURED])
 def test_a_copula_joins_inputs_of_one_distribution(study_of, unknown):
-    joined = '"monte-carlo"\nruns = 9\n[dependence]\ncopula = "gaussian"\nof = "spearman"\ninputs = ["a", "b"]\n'
-    said = refusal(study_of, joined + "matrix = [[1, 0.5], [0.5, 1]]", a=unknown, b="10 ± 1")
+    joined = (
+        '"monte-carlo"\nruns = 9\n[dependence]\ncopula = "gaussian"\nof = "spearman"\n'
+        'inputs = ["a", "b"]\nmatrix = [[1, 0.5], [0.5, 1]]'
+    )
+    said = refusal(study_of, joined, a=unknown, b="10 ± 1")
     assert "a, whose parameters are uncertain or intervals" in said
 
 
