@@ -138,10 +138,10 @@ def test_a_box_is_drawn_from_a_mixture_with_the_mass_of_all_its_distributions():
     parts = box.drawn().parts
     assert set(parts[:4]) == {Normal(m, s) for m in (0.0, 1.0) for s in (1.0, 1.5)}
     assert parts[4] == Normal(0.5, 1.5)
-    looked_at = [*box.looked_at()]
+    looked_at = [*box.looked_at((15, 9))]
     assert len(looked_at) == 15 * 9
     assert set(box.corners()) <= set(looked_at)
-    assert all(type(each) is Truncated for each in box.truncated(-1.0, 3.0).looked_at())
+    assert all(type(each) is Truncated for each in box.truncated(-1.0, 3.0).looked_at((2, 2)))
 
 
 def test_a_corner_without_meaning_is_refused():

@@ -106,7 +106,8 @@ def test_a_copula_joins_inputs_of_one_distribution(study_of, unknown):
         ("{ normal = { mean = [9, 11], spread = 1 } }", "spread"),
         ("{ uniform = { lower = [0, 2], upper = [1, 3] } }", "at a corner of the intervals"),
         ("{ poisson = { mean = [3, 4] } }", "one value: bounds are of continuous"),
-        ("{ lognormal = { median = [3, 4], std = 1 } }", "intervals are of the parameters of"),
+        ("{ lognormal = { median = [3, 4], std = 1 } }", "inputs.a.lognormal.median"),
+        ("{ normal = { mean = [3, 4], quantile = [0.9, 5] } }", "inputs.a.normal.quantile"),
         (
             "{ mixture = [{ weight = 1, normal = { mean = [3, 4], std = 1 } }, "
             "{ weight = 1, normal = { mean = 0, std = 1 } }] }",

@@ -541,7 +541,7 @@ def _indices_of(
 
 # What answers over unknowns of the inputs' distributions follow from, and how each is called. Those
 # of a mean over intervals have records of their own, as a design may search for them.
-_KNOWN_OVER_UNKNOWNS = ("mean", "quantile", "exceedance", "below", "share")
+_KNOWN_OVER_UNKNOWNS = ("mean", "quantile", "exceedance", "below", "share", "cdf")
 _OVER_UNKNOWNS = {
     "plug_in_": ("{title} at the fitted parameters", "{label}, parameters as fitted"),
     "fitted_": ("{title} over parameters that fit as well", "{label}, over parameters"),
@@ -555,7 +555,8 @@ def _over_unknowns() -> Iterator[Statistic]:
     known = {each.name: each for each in _OF_VALUES}
     for name in _KNOWN_OVER_UNKNOWNS:
         for prefix, (title, label) in _OVER_UNKNOWNS.items():
-            if f"{prefix}{name}" not in known:
+            # Curves have a band, and no plug-in one beside it.
+            if f"{prefix}{name}" not in {*known, "plug_in_cdf"}:
                 of = known[name].shown
                 shown = replace(
                     of,

@@ -155,6 +155,12 @@ class JointDistribution:
         return tuple(entry for entry in self.random if isinstance(entry.unknown, ParameterBox))
 
     @property
+    def interval_parameters(self) -> int:
+        """Number of parameters that are intervals."""
+        unknowns = (entry.unknown for entry in self.random)
+        return sum(len(each.ends) for each in unknowns if isinstance(each, ParameterBox))
+
+    @property
     def fitted(self) -> tuple[RandomInput, ...]:
         """The random inputs whose parameters are uncertain, as they follow from specimens."""
         return tuple(entry for entry in self.random if isinstance(entry.unknown, FittedParameters))

@@ -321,8 +321,16 @@ def _ascending(x: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 # Parameters that are intervals: a box of distributions, or p-box.
 
-# Values of each parameter that are looked at, by the number of parameters of one box.
-_LOOKED_AT: Mapping[int, tuple[int, ...]] = {1: (31,), 2: (15, 9), 3: (9, 7, 7), 4: (7, 5, 5, 5)}
+# Values that are looked at of each parameter that is an interval, by the number of these.
+_LOOKED_AT: Mapping[int, tuple[int, ...]] = {
+    1: (31,),
+    2: (15, 9),
+    3: (9, 7, 7),
+    4: (5, 5, 5, 5),
+    5: (3, 3, 3, 3, 3),
+    6: (3, 3, 3, 3, 3, 3),
+}
+MOST_INTERVALS = max(_LOOKED_AT)
 
 
 @dataclass(frozen=True, eq=False)
@@ -360,14 +368,28 @@ class ParameterBox(Unknown):
         ]
         return Mixture((*self.corners(), self.at(tuple(middle))))
 
-    def looked_at(self) -> Iterator[Distribution]:
-        """Yield the distributions on a grid over the box, its corners among them."""
-        counts = _LOOKED_AT.get(len(self.ends), (3,) * len(self.ends))
+    def looked_at(self, counts: Sequence[int]) -> list[Distribution]:
+        """Return the distributions on a grid over the box, its corners among them.
+
+        Parameters
+        ----------
+        counts : sequence of int
+            Of each parameter that is an interval, the number of its values.
+        """
         lines = [
             np.linspace(*ends, count).tolist()
             for ends, count in zip(self.ends.values(), counts, strict=True)
         ]
-        return (self.at(values) for values in product(*lines))
+        return [self.at(values) for values in product(*lines)]
 
     def truncated(self, lower: float, upper: float) -> ParameterBox:
         return ParameterBox(self.family, self.parameters, self.ends, (lower, upper))
+
+
+def grid_of_boxes(boxes: Sequence[ParameterBox]) -> Iterator[tuple[Distribution, ...]]:
+    """Yield the distributions of some inputs on a grid over the boxes of all of them.
+
+    They have at most `MOST_INTERVALS` together.
+    """
+    counts = iter(_LOOKED_AT[sum(len(box.ends) for box in boxes)])
+    return product(*(box.looked_at([next(counts) for _ in box.ends]) for box in boxes))

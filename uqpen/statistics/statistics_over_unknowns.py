@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import product
 
 import numpy as np
 import scipy
@@ -18,25 +17,35 @@ import xarray as xr
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.blocks import BlockedRuns, LoadedDataset
 from uqpen.core.catalogue import CATALOGUE
-from uqpen.core.labels import SAMPLING
+from uqpen.core.labels import RANK, SAMPLING
 from uqpen.core.lookup import resolve
 from uqpen.core.sampling import Sampling
 from uqpen.core.streams import BLOCK
 from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
 from uqpen.distributions.measurements import parameters_text
-from uqpen.distributions.unknowns import DRAWS, FittedParameters, ParameterBox
+from uqpen.distributions.unknowns import (
+    DRAWS,
+    FittedParameters,
+    ParameterBox,
+    grid_of_boxes,
+)
 from uqpen.statistics import texts
 from uqpen.statistics.analyze import OutputStatistics, output_run_counts, run_counts
+from uqpen.statistics.distribution_function.quantiles import sample_quantile
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.run_samples import sample_of
 from uqpen.statistics.sample import Sample
-from uqpen.statistics.weights import effective_sizes
+from uqpen.statistics.weights import (
+    effective_sizes,
+    weighted_cdf,
+    weighted_probability_interval,
+)
 
 # What has answers over unknowns.
 _KNOWN_OVER_UNKNOWNS = tuple(
-    CATALOGUE[name] for name in ("mean", "quantile", "exceedance", "below", "share")
+    CATALOGUE[name] for name in ("mean", "quantile", "exceedance", "below", "share", "cdf")
 )
 
 # A draw of which fewer runs count than this share of all is told.
@@ -94,12 +103,17 @@ def statistics_over_unknowns(
         sample = replace(sample_of(independent, output), level=quantity.confidence_level)
         sample = replace(sample, replicates=np.zeros_like(sample.replicates))
         counts = output_run_counts(part, of_runs, output)
-        made = (
-            (record, dict(resolve(record.by["sample"])(sample, quantity))) for record in records
-        )
-        templates = {each.name: arrays[each.name] for each, arrays in made if each.name in arrays}
+        templates: OutputStatistics = {}
+        for record in records:
+            made = dict(resolve(record.by["sample"])(sample, quantity))
+            templates |= {record.name: made[record.name]} if record.name in made else {}
+            if joint.boxes and "cdf_value" in made:
+                found.setdefault(output, {})["cdf_value"] = made["cdf_value"].assign_attrs(counts)
+        if handle.size > BLOCK and joint.fitted:
+            # The function of all runs has other values.
+            templates.pop("cdf", None)
         estimates = _box_estimates if joint.boxes else _fitted_estimates
-        found[output] = {
+        found[output] = found.get(output, {}) | {
             name: _array(estimate.with_note(note), template, name, sample.level, counts)
             for name, template, estimate in estimates(
                 sample, independent, quantity, joint, templates
@@ -111,22 +125,22 @@ def statistics_over_unknowns(
 class _Ratios:
     """Logarithms of the ratios of densities at all runs, by the distributions of some inputs."""
 
-    def __init__(self, runs: xr.Dataset, entries: Sequence[RandomInput]) -> None:
-        self._values = [runs[entry.variable.name].values for entry in entries]
-        drawn = [entry.distribution for entry in entries]
-        self._drawn = self._log_density(drawn)
+    def __init__(
+        self, runs: xr.Dataset, joint: JointDistribution, entries: Sequence[RandomInput]
+    ) -> None:
+        self._joint, self._names = joint, [entry.variable.name for entry in entries]
+        self._values = {name: runs[name].values for name in self._names}
+        self._drawn = joint.log_density(self._values, self._names)
 
     def at(self, distributions: Sequence[Distribution]) -> FloatArray:
-        """Return the ratios under other distributions, shape (run,)."""
-        return self._log_density(distributions) - self._drawn
+        """Return the ratios at values of the unknowns, shape (run,)."""
+        possible = self._joint.at(dict(zip(self._names, distributions, strict=True)))
+        return possible.log_density(self._values, self._names) - self._drawn
 
-    def _log_density(self, distributions: Sequence[Distribution]) -> FloatArray:
-        found = [
-            each.log_density(values)
-            for each, values in zip(distributions, self._values, strict=True)
-        ]
-        # Those of built-in families are known.
-        return np.sum([each for each in found if each is not None], axis=0)
+
+def _values_at_ranks(sample: Sample, cdf: xr.DataArray) -> FloatArray:
+    """Return the values at which an array has the distribution function of a sample."""
+    return sample_quantile(replace(sample, weights=None), cdf[RANK].values)
 
 
 def _weighted(sample: Sample, ratios: FloatArray) -> Sample:
@@ -157,9 +171,9 @@ def _fitted_estimates(
 ) -> Iterator[tuple[str, xr.DataArray, Estimate]]:
     entries = joint.fitted
     unknowns = [e.unknown for e in entries if isinstance(e.unknown, FittedParameters)]
-    ratios = _Ratios(runs, entries)
+    ratios = _Ratios(runs, joint, entries)
     fitted = _weighted(sample, ratios.at([each.fitted for each in unknowns]))
-    over = _OverDraws(sample, quantity, [*templates])
+    over = _OverDraws(sample, quantity, templates)
     for start in range(0, DRAWS, _TOGETHER):
         together = [
             ratios.at([each.draws[draw] for each in unknowns])[sample.used]
@@ -167,20 +181,23 @@ def _fitted_estimates(
         ]
         over.add(np.array(together))
     for name, template in templates.items():
-        plug_in = resolve(CATALOGUE[name].by["part"])(fitted, quantity)
-        yield f"plug_in_{name}", template, plug_in
+        if name != "cdf":
+            plug_in = resolve(CATALOGUE[name].by["part"])(fitted, quantity)
+            yield f"plug_in_{name}", template, plug_in
         yield f"fitted_{name}", template, over.estimate(name)
 
 
 class _OverDraws:
     """Answers of one output over draws of parameters, each with a draw for its sampling error."""
 
-    def __init__(self, sample: Sample, quantity: QuantityOfInterest, names: Sequence[str]) -> None:
-        self._sample, self._quantity = sample, quantity
+    def __init__(
+        self, sample: Sample, quantity: QuantityOfInterest, templates: Mapping[str, xr.DataArray]
+    ) -> None:
+        self._sample, self._quantity, self._templates = sample, quantity, templates
         self._order = np.argsort(sample.values, kind="stable")
         self._sorted = sample.values[self._order]
         self._few = 0  # draws of which few runs count
-        self._found: dict[str, list[FloatArray]] = {name: [] for name in names}
+        self._found: dict[str, list[FloatArray]] = {name: [] for name in templates}
         self._uniform = _spread_out(DRAWS)
         self._next = 0
 
@@ -202,6 +219,10 @@ class _OverDraws:
                 found.append(self._means(shares, sizes, uniform))
             elif name == "quantile":
                 found.append(self._quantiles(shares, uniform))
+            elif name == "cdf":
+                values = _values_at_ranks(self._sample, self._templates["cdf"])
+                places = np.searchsorted(self._sorted, values, side="right") - 1
+                found.append(np.cumsum(shares[:, self._order], axis=1)[:, places])
             else:
                 found.append(self._probabilities(shares, self._events(name), uniform))
 
@@ -209,15 +230,15 @@ class _OverDraws:
         """Return the median and the interval over the draws."""
         found = self._found[name]
         if not found:
-            count = len(self._events(name))
-            shape = () if name == "mean" else (count,)
+            shape = self._templates[name].shape[:-1]
             return Estimate.without_bounds(np.full(shape, np.nan), texts.NO_RUN)
         tail = (1 - self._sample.level) / 2
         values = np.concatenate(found)
         finite = np.isfinite(values).all(axis=0)
         low, middle, high = np.quantile(values, [tail, 0.5, 1 - tail], axis=0)
         note = texts.FEW_RUNS_OF_DRAWS.format(few=self._few, draws=DRAWS) if self._few else ""
-        estimate = Estimate(middle, low, high, texts.OVER_DRAWS.format(draws=DRAWS), "nominal")
+        method = texts.CURVES_OF_DRAWS if name == "cdf" else texts.OVER_DRAWS
+        estimate = Estimate(middle, low, high, method.format(draws=DRAWS), "nominal")
         missing = self._sample.missing.size
         left_out = texts.WITHOUT_MISSING.format(runs=missing) if missing else ""
         estimate = estimate.with_note(note, left_out, texts.FAMILY_IS_GIVEN)
@@ -233,10 +254,8 @@ class _OverDraws:
             rows = [values > each.value for each in quantity.thresholds]
         elif name == "below":
             rows = [values < each.value for each in quantity.lower_thresholds]
-        elif name == "share":
-            rows = [values == kind for kind in range(len(quantity.output.categories))]
         else:
-            rows = [values <= np.nan for _ in quantity.quantiles]
+            rows = [values == kind for kind in range(len(quantity.output.categories))]
         return np.array(rows, dtype=np.bool_).reshape(len(rows), len(values))
 
     def _probabilities(
@@ -317,37 +336,49 @@ def _box_estimates(
 ) -> Iterator[tuple[str, xr.DataArray, Estimate]]:
     entries = joint.boxes
     boxes = [each.unknown for each in entries if isinstance(each.unknown, ParameterBox)]
-    places = [*product(*(box.looked_at() for box in boxes))]
-    ratios = _Ratios(runs, entries)
-    samples = [_weighted(sample, ratios.at(place)) for place in places]
-    least = min((each.effective_size for each in samples), default=0.0)
-    reason = ""
+    places = [*grid_of_boxes(boxes)]
+    ratios, sizes = _Ratios(runs, joint, entries), []
+    found: dict[str, list[Estimate]] = {name: [] for name in templates}
+    for place in places:
+        own = _weighted(sample, ratios.at(place))
+        sizes.append(own.effective_size)
+        for name, estimates in found.items():
+            if name == "cdf":
+                estimates.append(_cdf(own, _values_at_ranks(sample, templates[name])))
+            else:
+                estimates.append(resolve(CATALOGUE[name].by["part"])(own, quantity))
+    least, reason = min(sizes), ""
     if least < max(_FEWEST_OF_BOX, _LEAST_SHARE_OF_BOX * sample.size):
         share = 100 * least / max(sample.size, 1)
         reason = texts.FEW_RUNS_OF_BOX.format(
             least=least, share=share, fewest=_FEWEST_OF_BOX, most=100 * _LEAST_SHARE_OF_BOX
         )
-    at = np.array(
-        [
-            ", ".join(
-                f"{entry.variable.name} of {parameters_text(each, entry.display_unit)}"
-                for entry, each in zip(entries, place, strict=True)
-            )
-            for place in places
-        ],
-        dtype=object,
-    )
-    for name, template in templates.items():
-        each = Estimate.stacked(
-            [resolve(CATALOGUE[name].by["part"])(own, quantity) for own in samples], axis=0
+    at = [
+        ", ".join(
+            f"{entry.variable.name} of {parameters_text(each, entry.display_unit)}"
+            for entry, each in zip(entries, place, strict=True)
         )
-        for end, estimate in _ends(each, at):
+        for place in places
+    ]
+    for name, template in templates.items():
+        for end, estimate in _ends(Estimate.stacked(found[name], axis=0), at):
             if reason:
                 estimate = Estimate.without_bounds(estimate.value, reason)
             yield f"{end}_{name}", template, estimate
 
 
-def _ends(each: Estimate, at: FloatArray) -> Iterator[tuple[str, Estimate]]:
+def _cdf(sample: Sample, values: FloatArray) -> Estimate:
+    """Return the distribution function of weighted runs at some values, pointwise."""
+    assert sample.run_weights is not None
+    below, errors = weighted_cdf(sample.values, sample.run_weights, values)
+    if reason := sample.reason_without_intervals:
+        return Estimate.without_bounds(below, reason)
+    ends = weighted_probability_interval(below, errors, sample.run_weights, sample.level)
+    found = Estimate(below, *ends, texts.CLOPPER_PEARSON_WEIGHTED, "nominal")
+    return found.remove_bounds_at((below <= 0) | (below >= 1), texts.CONSTANT_EVENT)
+
+
+def _ends(each: Estimate, at: Sequence[str]) -> Iterator[tuple[str, Estimate]]:
     """Yield the least and the largest of estimates along the first axis, each with its limit.
 
     The limit of the upper bound is the largest upper limit of all, which is at least the one where
@@ -369,7 +400,9 @@ def _ends(each: Estimate, at: FloatArray) -> Iterator[tuple[str, Estimate]]:
         else:
             upper = bounds[..., 2].max(axis=0)
         which = texts.END_OF_BOX[end]
-        said = np.array([which.format(at=text) for text in at[place.ravel()]], dtype=object)
+        said = np.array(
+            [which.format(at=text) for text in map(at.__getitem__, place.ravel())], dtype=object
+        )
         found = Estimate(value, lower, upper, "", "conservative")
         own = np.take_along_axis(np.asarray(each.method, dtype=object), place[np.newaxis], axis=0)
         method = texts.OVER_BOX.replace("{points}", str(len(at)))

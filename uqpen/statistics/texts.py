@@ -426,6 +426,10 @@ FIRST_RUNS = "from the first {runs} runs"
 OVER_DRAWS = (
     "quantiles over {draws} draws of the fitted parameters, each with a draw for the sampling error"
 )
+CURVES_OF_DRAWS = (
+    "quantiles over the functions of {draws} draws of the fitted parameters, without the sampling "
+    "error"
+)
 FEW_RUNS_OF_DRAWS = "fewer than 5 % of the runs count for {few} of {draws} draws"
 NO_RUN_OF_DRAW = "no run counts for a draw of the parameters"
 WITHOUT_MISSING = "without the missing runs ({runs})"

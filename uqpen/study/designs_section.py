@@ -23,6 +23,7 @@ from uqpen.designs.repeated import (
 )
 from uqpen.distributions.input_group import ConditionalGroup
 from uqpen.distributions.joint_distribution import JointDistribution
+from uqpen.distributions.unknowns import MOST_INTERVALS
 from uqpen.execution import FailurePolicy
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.study.study import Variant, family_costs
@@ -275,5 +276,8 @@ def check_designs(table: TableReader, designs: dict[str, Design], joint: JointDi
             found = f"{kind} over {joint.boxes[0].variable.name}, whose parameters are intervals"
             expected = f'{reason}. kind = "monte-carlo" gives bounds over the intervals'
             table.add_problem((name, "kind"), found, expected)
+        elif (count := joint.interval_parameters) > MOST_INTERVALS:
+            expected = f"at most {MOST_INTERVALS}: bounds are looked for on a grid over all of them"
+            table.add_problem(name, f"{count} parameters that are intervals", expected)
         else:
             table.add_problems(design.check_inputs(joint), name)

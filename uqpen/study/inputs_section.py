@@ -872,18 +872,14 @@ def _read_distribution(table: TableReader, variable: Input, family: str) -> Rand
     return RandomInput(variable, distribution, unit, description, files=files, unknown=unknown)
 
 
-# Most parameters of one input that are intervals: their corners are a mixture.
-_MOST_INTERVALS = 4
-
-
 def _parameter_intervals(table: TableReader, family: str) -> list[str]:
     """Return the parameters of a family that a list gives, in place of one value."""
-    names = [
+    return [
         field.name
         for field, setting in declared_settings(resolve(DISTRIBUTIONS[family]))
         if setting.kind in ("quantity", "difference", "number", "count")
+        and isinstance(table.content.get(field.name), list)
     ]
-    return [name for name in (*names, *STATED) if isinstance(table.content.get(name), list)]
 
 
 def _read_box(
@@ -891,12 +887,9 @@ def _read_box(
 ) -> ParameterBox | None:
     """Read a distribution with parameters that are intervals, each a list of two."""
     cls, noted = resolve(DISTRIBUTIONS[family]), len(table.problems)
-    own = {field.name for field, _ in declared_settings(cls)}
     for name in names:
-        if expected := _box_refusal(cls, family, name, own, table.content[name]):
+        if expected := _box_refusal(cls, name, table.content[name]):
             table.add_wrong(name, table.content[name], expected)
-    if len(names) > _MOST_INTERVALS:
-        table.add_problem((), f"{len(names)} intervals", f"at most {_MOST_INTERVALS}")
     if len(table.problems) > noted or variable.unit is ANY_DIMENSION:
         return None
     lower, upper = (_box_end(table, cls, variable.unit, names, place) for place in (0, 1))
@@ -918,12 +911,8 @@ def _read_box(
     return box if all(_is_usable(table, (), corner) for corner in box.corners()) else None
 
 
-def _box_refusal(
-    family: type[Distribution], name: str, parameter: str, own: set[str], written: list[object]
-) -> str:
+def _box_refusal(family: type[Distribution], parameter: str, written: list[object]) -> str:
     """Return what is expected in place of an interval of a parameter; empty where it can be one."""
-    if parameter not in own:
-        return f"one value; intervals are of the parameters of {name}: {', '.join(sorted(own))}"
     if family.is_discrete:
         return "one value: bounds are of continuous distributions, by ratios of densities"
     if len(written) != 2:
