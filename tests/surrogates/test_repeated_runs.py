@@ -216,6 +216,9 @@ def test_corrected_indices_lose_the_slack_of_the_noise(toy):
         assert "mean_first_order" not in once
         assert found["mean"].values[1] <= np.sqrt(3) + np.sqrt(22.5) / 3 <= found["mean"].values[2]
         assert found["std"].values[1] <= 2 <= found["std"].values[2]
+    for name in ("mean", "std", "first_order", "mean_total_order"):
+        (method,) = {*np.ravel(found[name].interval.values).tolist()}
+        assert method.endswith("; a point with its repeats counts as one")
     holds = [(e[:, 1] <= truth) & (truth <= e[:, 2]) for e, truth in narrow]
     assert np.mean(holds) >= 0.95
     widths = [np.ptp(e[:, 1:], axis=1).mean() for e, _ in narrow]

@@ -82,8 +82,11 @@ def corrected_indices(
     for values, squares, draws_error in parts.each():
         least = squares[runs.fold] + 2 * errors * values
         share = _Share(runs, variance, draws_error)
-        value, lower, _ = share.interval(least)
+        value, lower, least_upper = share.interval(least)
         _, _, upper = share.interval(least + (errors**2 - runs.noise_of_means))
+        # Without the noise, the mean square of errors may come out below 0.
+        if runs.repeats is not None:
+            upper = max(upper, least_upper)
         yield _bracket(value, lower, upper)
 
 

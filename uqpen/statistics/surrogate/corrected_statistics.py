@@ -139,11 +139,11 @@ class OutputCorrection:
 
     def mean(self, array: xr.DataArray) -> Estimate:
         """Return the mean."""
-        return self._moments.mean()
+        return self._of_points(self._moments.mean())
 
     def std(self, array: xr.DataArray) -> Estimate:
         """Return the standard deviation."""
-        return self._moments.std()
+        return self._of_points(self._moments.std())
 
     def half_spread(self, array: xr.DataArray) -> Estimate:
         """Return half the 16 % to 84 % range."""
@@ -204,7 +204,13 @@ class OutputCorrection:
         moments = self._moments_of(variable)
         of_mean = variable.is_of_mean
         variance = moments.variance_of_mean if of_mean else moments.variance
-        return list(corrected_indices(runs, parts, variance))
+        return [self._of_points(each) for each in corrected_indices(runs, parts, variance)]
+
+    def _of_points(self, found: Estimate) -> Estimate:
+        """Return an estimate that takes all repeats of a point, in words where there are any."""
+        if self.runs.repeats is None or found.label == "none":
+            return found
+        return found.with_method(texts.CLUSTERS)
 
     def _moments_of(self, variable: IndexedVariable) -> CorrectedMoments:
         runs = variable.runs
