@@ -7,10 +7,13 @@ import pytest
 from scipy.stats import norm
 
 import uqpen
+from uqpen.charts.distributions import bound_charts, cdf_charts
+from uqpen.charts.marks import Band, Line
 from uqpen.core.labels import STATUS
 from uqpen.core.sampling import Sampling
 from uqpen.distributions.univariate import Normal
 from uqpen.report.sections.summary import summary_lines
+from uqpen.results.archive_view import select_view
 from uqpen.results.found_bounds import found_bounds
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.table import estimate_remark
@@ -187,3 +190,23 @@ def test_the_concrete_wall_of_eight_specimens():
     _, lower, upper = found["fitted_exceedance"].values[0]
     assert lower == pytest.approx(0.092, abs=0.015)
     assert upper == pytest.approx(0.276, abs=0.05)
+
+
+def test_a_box_has_two_curves_and_a_fitted_input_one_in_a_band(box, fitted):
+    _, tree = box
+    (chart,) = bound_charts(select_view(tree, None, None, None))
+    least, largest = (mark for mark in chart.marks if isinstance(mark, Line))
+    assert (least.name, largest.name) == ("least probability", "largest probability")
+    inner = slice(100, 900)
+    x = np.asarray(least.x)[inner]
+    corners = [norm.cdf(x, mean, std) for mean in (0, 1) for std in (1, 1.5)]
+    assert np.asarray(least.y)[inner] == pytest.approx(np.min(corners, axis=0), abs=0.05)
+    assert np.asarray(largest.y)[inner] == pytest.approx(np.max(corners, axis=0), abs=0.05)
+    study, tree = fitted
+    (chart,) = cdf_charts(select_view(tree, None, None, None))
+    (band,) = (mark for mark in chart.marks if isinstance(mark, Band))
+    draws = [each.cdf(np.asarray(band.x)) for each in study.joint.fitted[0].unknown.draws]
+    low, high = np.quantile(draws, [0.025, 0.975], axis=0)
+    assert np.asarray(band.lower)[inner] == pytest.approx(low[inner], abs=0.05)
+    assert np.asarray(band.upper)[inner] == pytest.approx(high[inner], abs=0.05)
+    assert "95 % of all parameters that fit as well" in {key.text for key in chart.keys}

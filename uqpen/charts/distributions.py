@@ -82,11 +82,55 @@ def model_charts(view: ArchiveView) -> Iterator[Chart]:
 def bound_charts(view: ArchiveView) -> Iterator[Chart]:
     """Distribution functions of an output at both bounds over the intervals of a study."""
     for design in view.designs:
+        if view.design(design).sampling is Sampling.OVER_BOX:
+            charts = (_box_chart(view, design, output) for output in view.numeric_outputs)
+            yield from (chart for chart in charts if chart is not None)
         if view.design(design).sampling is Sampling.TOWARDS_BOUNDS:
             for found in found_bounds(view.statistics, design):
                 for output in view.numeric_outputs:
                     if found.range is not None and re.search(rf"\b{output}\b", found.title):
                         yield _bound_chart(view, design, found, output)
+
+
+def _box_chart(view: ArchiveView, design: str, output: str) -> Chart | None:
+    """Return the least and the largest function of an output over parameters that are intervals."""
+    values, *ends = (
+        view.statistics.get(design, output, name)
+        for name in ("cdf_value", "lower_cdf", "upper_cdf")
+    )
+    lower, upper = ends
+    if values is None or lower is None or upper is None or not np.isfinite(values.values).all():
+        return None
+    x = np.asarray(view.scale(output).from_si(values.values), dtype=np.float64)
+    span = output_span(view, output, [x])
+    limits = limit_marks(view, output, span, at_foot=True)
+    marks, keys = list[Mark](), list[LegendKey]()
+    outer = np.array([lower.values[:, 1], upper.values[:, 2]])
+    if np.isfinite(outer).any():
+        known = np.isfinite(outer).all(axis=0)
+        marks.append(Band(x[known], outer[0, known], outer[1, known], 0))
+        level = percent_text(lower.attrs.get(INTERVAL_LEVEL, np.nan))
+        keys.append(LegendKey(f"between the limits of both, pointwise {level}", 0, "band"))
+    medians = []
+    for series, (which, end) in enumerate((("least", lower), ("largest", upper))):
+        text, dash = f"{which} probability", series_dash(series)
+        marks.append(Line(x, end.values[:, 0], series, f"%{{y:.4f}} {text}", text, dash=dash))
+        keys.append(LegendKey(text, series, "line", dash))
+        median = number_text(float(np.interp(0.5, end.values[:, 0], x)))
+        medians.append(f"{median}{unit_suffix(view.unit(output))}")
+    return Chart(
+        title=f"Probability that {output_title(view, output)} is at most x, over all parameters",
+        summary=f"The median is between {medians[1]} and {medians[0]}.",
+        x=output_axis(view, output, span),
+        y=Axis("P(at most x)", (0.0, 1.0)),
+        marks=(*marks, *limits.rules),
+        keys=(*keys, *limits.keys),
+        notes=tuple(limits.notes),
+        height=340,
+        of=output,
+        source=design,
+        is_compared=True,
+    )
 
 
 def _bound_chart(view: ArchiveView, design: str, found: FoundBounds, output: str) -> Chart:
@@ -358,11 +402,19 @@ def cdf_chart(view: ArchiveView, output: str, curves: Sequence[Curve]) -> Chart:
     values = span.thresholds(first.values, limits.values)
     marks: list[Mark] = []
     keys: list[LegendKey] = []
+    over = view.statistics.get(first.source, output, "fitted_cdf")
+    if over is not None and np.isfinite(over.values).all():
+        _, lower, upper = over.values.T
+        marks.append(Band(first.values, lower, upper, first.series))
+        level = percent_text(over.attrs.get(INTERVAL_LEVEL, np.nan))
+        keys.append(LegendKey(f"{level} of all parameters that fit as well", first.series, "band"))
     for curve in curves:
         is_first = curve is first
         dash, width = ("solid", 2.5) if is_first else (series_dash(curve.series), 1.5)
-        marks += curve.at(values).marks(dash, width, has_band=is_first)
-        if is_first and curve.has_band:
+        # The sampling error is within that of the parameters, and two bands cannot be told apart.
+        has_band = is_first and over is None
+        marks += curve.at(values).marks(dash, width, has_band=has_band)
+        if has_band and curve.has_band:
             text = f"simultaneous {percent_text(curve.level)} band of {curve.name}"
             keys.append(LegendKey(text, curve.series, "band"))
         keys.append(LegendKey(curve.name, curve.series, "line", dash))

@@ -218,6 +218,7 @@ def _answer_without_sample(view: ArchiveView) -> Iterator[Block]:
             "Parameters of the inputs are intervals, so the outputs have no one distribution: the "
             "bounds are the least and the largest answer of all that are possible."
         )
+        yield from bound_charts(view)
     else:
         yield Text(
             "No design of this study is a sample of its inputs, so the distributions of the "
