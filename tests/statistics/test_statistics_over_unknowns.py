@@ -4,12 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 from scipy.stats import norm
 
 import uqpen
 from uqpen.charts.distributions import bound_charts, cdf_charts
 from uqpen.charts.marks import Band, Line
-from uqpen.core.labels import STATUS
+from uqpen.core.labels import STATUS, WEIGHT
 from uqpen.core.sampling import Sampling
 from uqpen.distributions.univariate import Normal
 from uqpen.report.sections.summary import summary_lines
@@ -91,6 +92,23 @@ def test_numbers_do_not_depend_on_the_draws_that_are_in_memory_together(fitted, 
     monkeypatch.setattr(module, "_TOGETHER", 250)
     after = module.statistics_over_unknowns(*asked)["y"]["fitted_below"]
     assert after.values == pytest.approx(before.values, rel=1e-12)
+
+
+def test_runs_of_another_distribution_count_by_their_weights_as_well(fitted):
+    study, tree = fitted
+    (entry,) = study.joint.fitted
+    drawn = Normal(9.5, 2.0)
+    x = drawn.ppf(np.random.default_rng(3).random(8000))
+    weight = np.exp(entry.distribution.log_density(x) - drawn.log_density(x))
+    points = {"x": ("run", x), "y": ("run", x), "b": ("run", np.zeros(8000))}
+    runs = xr.Dataset(points | {STATUS: ("run", np.zeros(8000, np.int8))})
+    runs = runs.assign_coords({WEIGHT: ("run", weight)})
+    runs = runs.assign_attrs(sampling=str(Sampling.INDEPENDENT))
+    found = module.statistics_over_unknowns(runs, study.quantities_of_interest, study.joint)["y"]
+    of_draws = stated(tree)["fitted_below"].values[0]
+    assert found["fitted_below"].values[0] == pytest.approx(of_draws, rel=0.15, abs=2e-3)
+    plug_in = float(entry.unknown.fitted.cdf(np.array(8.0)))
+    assert found["plug_in_below"].values[0, 0] == pytest.approx(plug_in, abs=4e-3)
 
 
 @pytest.fixture(scope="module")

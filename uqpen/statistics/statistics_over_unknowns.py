@@ -17,7 +17,7 @@ import xarray as xr
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.blocks import BlockedRuns, LoadedDataset
 from uqpen.core.catalogue import CATALOGUE
-from uqpen.core.labels import RANK, SAMPLING
+from uqpen.core.labels import RANK, SAMPLING, WEIGHT
 from uqpen.core.lookup import resolve
 from uqpen.core.sampling import Sampling
 from uqpen.core.streams import BLOCK
@@ -131,6 +131,10 @@ class _Ratios:
         self._joint, self._names = joint, [entry.variable.name for entry in entries]
         self._values = {name: runs[name].values for name in self._names}
         self._drawn = joint.log_density(self._values, self._names)
+        if WEIGHT in runs.coords:
+            # Runs of other distributions count for those of the study by weights already.
+            with np.errstate(divide="ignore"):
+                self._drawn = self._drawn - np.log(runs[WEIGHT].values)
 
     def at(self, distributions: Sequence[Distribution]) -> FloatArray:
         """Return the ratios at values of the unknowns, shape (run,)."""
@@ -140,7 +144,7 @@ class _Ratios:
 
 def _values_at_ranks(sample: Sample, cdf: xr.DataArray) -> FloatArray:
     """Return the values at which an array has the distribution function of a sample."""
-    return sample_quantile(replace(sample, weights=None), cdf[RANK].values)
+    return sample_quantile(sample, cdf[RANK].values)
 
 
 def _weighted(sample: Sample, ratios: FloatArray) -> Sample:
