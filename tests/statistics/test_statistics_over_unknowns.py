@@ -16,6 +16,7 @@ from uqpen.distributions.univariate import Normal
 from uqpen.report.sections.summary import summary_lines
 from uqpen.results.archive_view import select_view
 from uqpen.results.found_bounds import found_bounds
+from uqpen.results.output_tables import output_tables
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.table import estimate_remark
 from uqpen.statistics import statistics_over_unknowns as module
@@ -228,3 +229,25 @@ def test_a_box_has_two_curves_and_a_fitted_input_one_in_a_band(box, fitted):
     assert np.asarray(band.lower)[inner] == pytest.approx(low[inner], abs=0.05)
     assert np.asarray(band.upper)[inner] == pytest.approx(high[inner], abs=0.05)
     assert "95 % of all parameters that fit as well" in {key.text for key in chart.keys}
+
+
+def test_the_total_over_both_is_computed_and_no_narrower_than_a_part(study_of, tmp_path):
+    (tmp_path / "x.csv").write_text("x\n" + "\n".join(map(str, SPECIMENS)))
+    box = "{ normal = { mean = [0, 1], std = 1 } }"
+    text = '[outputs.y]\nexceeds = [12]\n[designs.some]\nkind = "monte-carlo"\nruns = 4000'
+    study = study_of("x + z", text, x=MEASURED, z=box)
+    tree = uqpen.run(study)
+    found = stated(tree)
+    _, lower, upper = found["total_exceedance"].values[0]
+    assert lower <= found["lower_exceedance"].values[0, 1]
+    assert upper >= found["upper_exceedance"].values[0, 2]
+    draws = study.joint.fitted[0].unknown.draws
+    exact = [
+        [norm.sf(12, each.mean + mean, np.hypot(each.std, 1)) for each in draws] for mean in (0, 1)
+    ]
+    assert lower == pytest.approx(np.quantile(exact[0], 0.025), abs=0.01)
+    assert upper == pytest.approx(np.quantile(exact[1], 0.975), abs=0.05)
+    lines = " ".join(summary_lines(tree)).replace("\u00a0", " ")
+    assert "the total, which is no sum of both" in lines
+    (table,) = (each for each in output_tables(tree) if "bounds over" in each.title)
+    assert table.columns[-1] == "range, with uncertain parameters"

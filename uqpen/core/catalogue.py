@@ -547,6 +547,7 @@ _OVER_UNKNOWNS = {
     "fitted_": ("{title} over parameters that fit as well", "{label}, over parameters"),
     "lower_": ("lower bound of the {title} over the intervals", "{label}, lower bound"),
     "upper_": ("upper bound of the {title} over the intervals", "{label}, upper bound"),
+    "total_": ("{title} over intervals and parameters that fit as well", "{label}, over both"),
 }
 
 
@@ -555,8 +556,8 @@ def _over_unknowns() -> Iterator[Statistic]:
     known = {each.name: each for each in _OF_VALUES}
     for name in _KNOWN_OVER_UNKNOWNS:
         for prefix, (title, label) in _OVER_UNKNOWNS.items():
-            # Curves have a band, and no plug-in one beside it.
-            if f"{prefix}{name}" not in {*known, "plug_in_cdf"}:
+            # A curve has a band alone.
+            if f"{prefix}{name}" not in {*known, "plug_in_cdf", "total_cdf"}:
                 of = known[name].shown
                 shown = replace(
                     of,

@@ -43,6 +43,8 @@ class FoundBounds(NamedTuple):
     number: int
     lower: xr.DataArray  # (bound,): the lower bound, in SI units
     upper: xr.DataArray  # the same of the upper one
+    # The interval over uncertain parameters as well; None where a study has none.
+    total: xr.DataArray | None = None
 
     @property
     def range(self) -> tuple[float, float] | None:
@@ -100,12 +102,14 @@ def _bounds_over_box(statistics: SourceStatistics, design: str) -> Iterator[Foun
         for record in (each for each in _OVER_BOX if f"lower_{each.name}" in of_output):
             ends = of_output[f"lower_{record.name}"], of_output[f"upper_{record.name}"]
             unit = "" if record.unit is UnitRule.NONE else statistics.unit(output)
+            total = of_output.get(f"total_{record.name}")
             if not record.dims:
-                yield FoundBounds(f"{record.title} of {output}", unit, -1, *ends)
+                yield FoundBounds(f"{record.title} of {output}", unit, -1, *ends, total)
                 continue
-            for lower, upper in zip(*ends, strict=True):
+            for place, (lower, upper) in enumerate(zip(*ends, strict=True)):
                 label = entry_label(record, lower[record.dims[0]].item())
-                yield FoundBounds(f"{label} of {output}", unit, -1, lower, upper)
+                own = None if total is None else total[place]
+                yield FoundBounds(f"{label} of {output}", unit, -1, lower, upper, own)
 
 
 def interval_inputs(tree: xr.DataTree, design: str) -> str:
@@ -128,6 +132,8 @@ def bound_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
             continue
         levels = {each.level for each in every} - {""}
         columns = ["lower bound", "upper bound", ", ".join(["range", *levels])]
+        has_total = any(each.total is not None for each in every)
+        columns += ["range, with uncertain parameters"] * has_total
         title = f"{design}: bounds over all values of {interval_inputs(tree, design)}"
         table = OutputTable(title, columns)
         for each in every:
@@ -137,7 +143,13 @@ def bound_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
                 text = f"{value} ({range_text(*limits)})" if each.range else NOTHING
                 cells.append(text + table.note_mark(*estimate_remark(bound).split("; ")))
             ends = each.texts(each.lower)[1], each.texts(each.upper)[2]
-            table.rows.append((each.title, [*cells, range_text(*ends) if each.range else NOTHING]))
+            cells.append(range_text(*ends) if each.range else NOTHING)
+            if has_total:
+                if each.total is None or not np.isfinite(each.total.values).all():
+                    cells.append(NOTHING)
+                else:
+                    cells.append(range_text(*each.texts(each.total)[1:]))
+            table.rows.append((each.title, cells))
         yield table
 
 
@@ -148,6 +160,7 @@ def bound_json(statistics: SourceStatistics, design: str) -> dict[str, Any]:
             "lower": estimate_json(each.lower),
             "upper": estimate_json(each.upper),
             "range": each.range and list(each.range),
+            **({} if each.total is None else {"total": estimate_json(each.total)}),
         }
         for each in found_bounds(statistics, design)
     }

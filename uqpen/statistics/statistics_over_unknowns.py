@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import scipy
@@ -80,7 +81,8 @@ def statistics_over_unknowns(
     -------
     dict of str to dict of str to DataArray
         By output, estimate arrays by statistic: ``plug_in_…`` and ``fitted_…`` where parameters are
-        uncertain, ``lower_…`` and ``upper_…`` where some are intervals. Empty where none is.
+        uncertain, ``lower_…`` and ``upper_…`` where some are intervals, and ``total_…`` where there
+        are both. Empty where none is.
     """
     sampling = Sampling(runs.attrs[SAMPLING])
     has_sample = sampling in (Sampling.INDEPENDENT, Sampling.STRATIFIED)
@@ -173,22 +175,35 @@ def _fitted_estimates(
     joint: JointDistribution,
     templates: Mapping[str, xr.DataArray],
 ) -> Iterator[tuple[str, xr.DataArray, Estimate]]:
-    entries = joint.fitted
-    unknowns = [e.unknown for e in entries if isinstance(e.unknown, FittedParameters)]
-    ratios = _Ratios(runs, joint, entries)
-    fitted = _weighted(sample, ratios.at([each.fitted for each in unknowns]))
+    fitted = [e.unknown.fitted for e in joint.fitted if isinstance(e.unknown, FittedParameters)]
+    plugged_in = _weighted(sample, _Ratios(runs, joint, joint.fitted).at(fitted))
+    over = _over_draws(sample, runs, quantity, joint, templates)
+    for name, template in templates.items():
+        if name != "cdf":
+            plug_in = resolve(CATALOGUE[name].by["part"])(plugged_in, quantity)
+            yield f"plug_in_{name}", template, plug_in
+        yield f"fitted_{name}", template, over.estimate(name)
+
+
+def _over_draws(
+    sample: Sample,
+    runs: xr.Dataset,
+    quantity: QuantityOfInterest,
+    joint: JointDistribution,
+    templates: Mapping[str, xr.DataArray],
+    place: Sequence[Distribution] = (),
+) -> _OverDraws:
+    """Return the answers over all draws, at a place of the boxes if there are any."""
+    unknowns = [e.unknown for e in joint.fitted if isinstance(e.unknown, FittedParameters)]
+    ratios = _Ratios(runs, joint, (*joint.fitted, *joint.boxes))
     over = _OverDraws(sample, quantity, templates)
     for start in range(0, DRAWS, _TOGETHER):
         together = [
-            ratios.at([each.draws[draw] for each in unknowns])[sample.used]
+            ratios.at([*(each.draws[draw] for each in unknowns), *place])[sample.used]
             for draw in range(start, start + _TOGETHER)
         ]
         over.add(np.array(together))
-    for name, template in templates.items():
-        if name != "cdf":
-            plug_in = resolve(CATALOGUE[name].by["part"])(fitted, quantity)
-            yield f"plug_in_{name}", template, plug_in
-        yield f"fitted_{name}", template, over.estimate(name)
+    return over
 
 
 class _OverDraws:
@@ -369,6 +384,34 @@ def _box_estimates(
             if reason:
                 estimate = Estimate.without_bounds(estimate.value, reason)
             yield f"{end}_{name}", template, estimate
+    if joint.fitted and not reason:
+        yield from _totals(sample, runs, quantity, joint, templates)
+
+
+def _totals(
+    sample: Sample,
+    runs: xr.Dataset,
+    quantity: QuantityOfInterest,
+    joint: JointDistribution,
+    templates: Mapping[str, xr.DataArray],
+) -> Iterator[tuple[str, xr.DataArray, Estimate]]:
+    """Yield intervals over uncertain parameters and intervals together, computed and not added.
+
+    They reach from the least lower limit to the largest upper one of the corners and the middle.
+    """
+    boxes = [each.unknown for each in joint.boxes if isinstance(each.unknown, ParameterBox)]
+    middle = tuple(
+        box.at(tuple((lower + upper) / 2 for lower, upper in box.ends.values())) for box in boxes
+    )
+    places = [middle, *product(*(box.corners() for box in boxes))]
+    names = {name: each for name, each in templates.items() if name != "cdf"}
+    found = [_over_draws(sample, runs, quantity, joint, names, place) for place in places]
+    for name, template in names.items():
+        each = [over.estimate(name) for over in found]
+        ends = np.array([estimate.bounds for estimate in each])
+        total = replace(each[0], lower=ends[..., 1].min(axis=0), upper=ends[..., 2].max(axis=0))
+        method = texts.OVER_BOX.replace("{points}", str(len(places)))
+        yield f"total_{name}", template, total.with_method(method)
 
 
 def _cdf(sample: Sample, values: FloatArray) -> Estimate:

@@ -527,6 +527,12 @@ def bound_findings(view: ArchiveView) -> Iterator[Finding]:
                     f"By {design}: from {lower} to {upper} over all values of {over}; both bounds "
                     f"lie between {least} and {largest} ({no_break(each.level)} interval). {text}"
                 )
+                if each.total is not None and has_interval(each.total.values):
+                    _, low, high = map(no_break, each.texts(each.total))
+                    text += (
+                        f" Over all parameters that fit the specimens as well, it is between {low} "
+                        f"and {high}: the total, which is no sum of both."
+                    )
             yield Finding(capitalized(plain_text(each.title)), text)
 
 
