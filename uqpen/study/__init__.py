@@ -53,6 +53,10 @@ SECTIONS: Mapping[str, Section] = {
     "model": Section(is_table=False, lines="uqpen.study.summary:run_limit_lines", rank=1),
     "models": Section(is_table=False),
     "inputs": Section(expected="an [inputs] table", determines_points=True),
+    # Values of inputs, each of which is a variant of the model, at the same points.
+    "sweep": Section(
+        field="swept", attribute="sweep", fact="at several values of {value}, at the same points"
+    ),
     "joint": Section(determines_points=True),
     "dependence": Section(determines_points=True),
     "constraints": Section(
@@ -83,6 +87,7 @@ SECTIONS: Mapping[str, Section] = {
 class SectionArguments(TypedDict, total=False):
     """Arguments of `uqpen.Study` that are given as the tables of these names in a study file."""
 
+    sweep: Mapping[str, object] | None
     joint: Mapping[str, object] | None
     joint_probabilities: Mapping[str, object] | None
     surrogates: Mapping[str, object] | None

@@ -194,7 +194,8 @@ def model_tables(content: Mapping[str, Any], name: str) -> tuple[dict[str, str],
 
     The inputs that the model sets itself are left out.
     """
-    table = content.get("models", {}).get(name, {}) if name else content.get("model", {})
+    is_one_of_several = name and "models" in content  # each value of a sweep has the one model
+    table = content["models"].get(name, {}) if is_one_of_several else content.get("model", {})
     kept = {key: value for key, value in table.items() if key not in ("with", "noise")}
     constraints = {"constraints": content.get("constraints", {})}
     return dict(_flatten_tables({"model": kept})), dict(_flatten_tables(constraints))
@@ -205,9 +206,10 @@ def _model_table(content: Mapping[str, Any], name: str) -> dict[str, Any]:
 
     To declare noise changes no run; a seed does.
     """
-    table = content["models"][name] if name else content["model"]
+    is_one_of_several = name and "models" in content
+    table = content["models"][name] if is_one_of_several else content["model"]
     kept = {key: value for key, value in table.items() if key != "noise"}
-    return {"models": {name: kept}} if name else {"model": kept}
+    return {"models": {name: kept}} if is_one_of_several else {"model": kept}
 
 
 def depends_on_batch(model: Model) -> bool:
@@ -234,6 +236,8 @@ def run_fingerprint(study: ValidatedStudy, model: str, design: str) -> dict[str,
         tables["surrogates"] = {refined.name: content["surrogates"][refined.name]}
         tables["outputs"] = content.get("outputs", {})
     tables |= _model_table(content, model)
+    if study.swept:
+        tables["sweep"] = {**study.models[model].given}
     adapter = study.models[model].model
     others = [*study.joint.files, *study.design_files(design)]
     versions = {

@@ -49,7 +49,13 @@ from uqpen.study.designs_section import (
 from uqpen.study.document import Document, Objects, parse_document, read_document
 from uqpen.study.inputs_section import read_constraints, read_inputs
 from uqpen.study.joint_section import Inputs, read_dependence, read_groups
-from uqpen.study.model_section import check_stand_ins, check_variants, read_models
+from uqpen.study.model_section import (
+    check_stand_ins,
+    check_sweep,
+    check_variants,
+    read_models,
+    read_sweep,
+)
 from uqpen.study.outputs_section import (
     check_analyses,
     check_formulas,
@@ -155,6 +161,7 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
     are_models_whole = len(root.problems) == noted
     analyses = read_analyses(root, heading.seed)
     tables = {key: root.table(key, _expected(root, key)) for key in _TABLES}
+    models = read_sweep(tables["sweep"], models, model)
     budget = check_budget(root, heading.budget)
     if has_data(root) and "designs" not in root:
         tables["designs"] = root.inside(DEFAULT_DESIGNS, "designs")
@@ -172,6 +179,7 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
         root, tables, model, models, methods.designs, heading.seed
     )
     check_fixed(tables["inputs"], joint, model)
+    check_sweep(tables["sweep"], joint)
     check_formulas(tables["outputs"], models, inputs)
     constraints = read_constraints(tables["constraints"], model, inputs)
     plan = BudgetPlan(document.text)
@@ -225,6 +233,7 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
         confidence_level=heading.confidence_level,
         plan=tuple(each.text for each in plan.tables),
         left_out=heading.left_out,
+        swept=tuple(tables["sweep"]),
         **fields,
     )
 

@@ -7,6 +7,8 @@ same.
 from __future__ import annotations
 
 import contextlib
+import itertools
+import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -33,8 +35,10 @@ from uqpen.core.model import (
     Results,
     Variable,
 )
+from uqpen.core.quantities import parse_quantity
 from uqpen.core.settings import declared_settings, flag, text
 from uqpen.core.units import ANY_DIMENSION, DIMENSIONLESS, are_convertible, si_unit
+from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.execution.memory_limit import CAN_LIMIT
 from uqpen.models import MODELS
 from uqpen.models.dependencies import Dependencies
@@ -45,6 +49,7 @@ from uqpen.models.surroundings import ModelFolder
 from uqpen.models.unloaded_model import UnloadedModel
 from uqpen.models.user_defined_model import UserDefinedModel
 from uqpen.models.user_module import find_function, load_module, module_coordinates
+from uqpen.study.document import inner_table
 from uqpen.study.outcomes_section import (
     OF_FUNCTIONS,
     add_outcomes,
@@ -565,6 +570,88 @@ def read_models(root: TableReader) -> tuple[dict[str, Variant], Model]:
     if model is None:
         return {}, read_partial_model(table, mentioned)
     return {ONLY_MODEL: Variant(model, {})}, model
+
+
+# One model at several values of some inputs.
+
+# Most values of a sweep, or combinations of the values of several.
+_MOST_COMBINATIONS = 200
+
+
+def read_sweep(table: TableReader, models: dict[str, Variant], model: Model) -> dict[str, Variant]:
+    """Return a variant of the only model for each combination of swept values.
+
+    They are at the same points, and the first one is what the others are compared with. The name of
+    a variant has the inputs and their values as they are written.
+    """
+    if not table.is_given:
+        return models
+    if {*models} - {ONLY_MODEL} or "models" in table.document.content:
+        table.add_problem((), "[sweep] beside [models]", "a [model], which is run at each value")
+        return models
+    if "data" in inner_table(table.document.content, "model"):
+        table.add_problem((), "[sweep] beside runs of a file", "a model, which makes the runs")
+        return models
+    known = {variable.name: variable for variable in model.inputs}
+    columns = [
+        _swept_values(table, known[name]) for name in check_names(table, known, "input", model)
+    ]
+    if not table.content:
+        table.add_problem((), "an empty table", 'an input, such as speed = ["1 km/s", "2 km/s"]')
+    combinations = math.prod(map(len, columns))
+    if combinations > _MOST_COMBINATIONS:
+        found = f"{combinations} combinations of values"
+        table.add_problem((), found, f"at most {_MOST_COMBINATIONS}")
+        return models
+    if ONLY_MODEL not in models or not (columns and all(columns)):
+        return models
+    variants: dict[str, Variant] = {}
+    for place, chosen in enumerate(itertools.product(*columns), start=1):
+        written = "_".join(f"{name}_{text}" for name, text, _ in chosen)
+        words = re.sub(r"[^A-Za-z0-9]+", "_", written.replace("-", "minus ")).strip("_")
+        name = words if NAME.match(words) and words not in variants else f"sweep_{place}"
+        given = {each: value for each, _, value in chosen}
+        variants[name] = Variant(models[ONLY_MODEL].model, given)
+    return variants
+
+
+def _swept_values(table: TableReader, variable: Input) -> list[tuple[str, str, float]]:
+    """Read the values of a swept input: its name, each as it is written, and in its SI unit."""
+    name, written = variable.name, table.take(variable.name)
+    if name in inner_table(table.document.content, "inputs"):
+        expected = "it in one of them: a swept input has its values here alone"
+        table.add_problem(name, f"{name}, which [inputs] gives, too", expected)
+    if not isinstance(written, list) or len(written) < 2:
+        expected = f'two values or more in a list, such as ["1 {variable.preferred_unit}", …]'
+        table.add_wrong(name, written, expected)
+        return []
+    found = dict[float, tuple[str, str, float]]()
+    for place, entry in enumerate(written):
+        value: float | None = None
+        if not variable.labels:
+            try:
+                value = parse_quantity(entry, variable.unit).value
+            except QuantityError as error:
+                table.add_problems(error.problems, name, place)
+                continue
+        elif entry in variable.labels:
+            value = float(variable.labels.index(entry))
+        if value is None or not variable.bounds.contain(np.array(value)):
+            bounds = f"one of {', '.join(variable.labels)}" if variable.labels else ""
+            table.add_wrong((name, place), entry, bounds or f"a value {variable.bounds}")
+        elif value in found:
+            table.add_wrong((name, place), entry, "each value once")
+        else:
+            found[value] = name, str(entry), value
+    return [*found.values()]
+
+
+def check_sweep(table: TableReader, joint: JointDistribution) -> None:
+    """Note formulas of inputs that name a swept one: they are computed before it has a value."""
+    for each in joint.derived:
+        for name in sorted(each.formula.names & {*table.content}):
+            found = f"{name}, which the formula of {each.variable.name} names"
+            table.add_problem(name, found, "an input that no formula of [inputs] names")
 
 
 def check_variants(root: TableReader, variants: dict[str, Variant], random: set[str]) -> None:

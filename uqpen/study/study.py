@@ -112,6 +112,7 @@ class ValidatedStudy:
     plan: tuple[str, ...] = ()  # what was planned from a budget and why, a line each
     # Analyses that it leaves out: ``"sensitivity"``, ``"convergence"``.
     left_out: tuple[str, ...] = ()
+    swept: tuple[str, ...] = ()  # inputs of which each of its models has another value
 
     @property
     def model(self) -> Model:

@@ -199,7 +199,7 @@ def _stand_ins(tree: xr.DataTree, *, trust: bool) -> dict[tuple[str | int, ...],
     found: dict[tuple[str | int, ...], object] = {}
     content = archived_content(tree)
     for name, group in model_trees(tree).items():
-        path = ("models", name) if name else ("model",)
+        path = ("models", name) if name and "models" in content else ("model",)
         table = inner_table(content, *path)
         for design in group_names(group, RUNS)[:1]:
             runs = read_group(group, RUNS, design)

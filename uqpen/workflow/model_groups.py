@@ -249,7 +249,9 @@ def difference_groups(
         quantities = study.model_quantities(study.models[other].model)
         for design in study.designs:
             pair = runs[first][design], runs[other][design]
-            for output, statistics in model_differences(*pair, quantities).items():
+            of_events = bool(study.swept)
+            found = model_differences(*pair, quantities, of_events=of_events)
+            for output, statistics in found.items():
                 path = f"/{DIFFERENCES}/{other}/{design}/{output}"
                 marked = mark_uncertified({"": statistics}, pair[0].attrs)[""]
                 yield path, pack(marked).assign_attrs({"minus": first})
@@ -257,6 +259,8 @@ def difference_groups(
 
 def model_form_groups(study: ValidatedStudy, runs: Mapping[str, Runs]) -> Groups:
     """Yield the groups of the shares of model form; a stand-in is no model of its own."""
+    if study.swept:  # its values are no alternatives, of which one is right
+        return
     alternatives = [name for name, each in study.models.items() if each.stand_in is None]
     for design in study.designs:
         of_design = {name: runs[name][design] for name in alternatives}

@@ -229,8 +229,8 @@ def _inputs_as_written(view: ArchiveView) -> dict[str, str]:
     except StudyError:
         return {}
     models = _table(content, "models")
-    model = _table(models, view.model) if view.model else _table(content, "model")
-    inputs = _table(content, "inputs") | _table(model, "with")
+    model = _table(models, view.model) if models else _table(content, "model")
+    inputs = _table(content, "inputs") | _table(model, "with") | _table(content, "sweep")
     return {str(name): plain_text(_toml_text(value), 100) for name, value in inputs.items()}
 
 

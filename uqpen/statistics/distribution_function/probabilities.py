@@ -86,8 +86,7 @@ def below_probabilities(
     if not quantity.lower_thresholds:
         return
     long_name = f"probability that {quantity.output.title} lies below a value"
-    unit = quantity.output.unit
-    along = _coordinates(quantity.lower_thresholds, LOWER_THRESHOLD, "value to lie below", unit)
+    along = lower_threshold_coordinates(quantity)
     found = requested_below(sample, quantity)
     yield "below", _array(found, LOWER_THRESHOLD, long_name, along, sample.level)
 
@@ -102,6 +101,12 @@ def requested_below(sample: Sample, quantity: QuantityOfInterest) -> Estimate:
 def threshold_coordinates(quantity: QuantityOfInterest) -> dict[str, Any]:
     """Return the coordinates along ``threshold``: the thresholds as written and in SI units."""
     return _coordinates(quantity.thresholds, THRESHOLD, "value exceeded", quantity.output.unit)
+
+
+def lower_threshold_coordinates(quantity: QuantityOfInterest) -> dict[str, Any]:
+    """Return the coordinates along ``lower_threshold``."""
+    unit = quantity.output.unit
+    return _coordinates(quantity.lower_thresholds, LOWER_THRESHOLD, "value to lie below", unit)
 
 
 def _coordinates(
