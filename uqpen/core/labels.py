@@ -149,6 +149,8 @@ CITED = "cited"
 MAGNITUDES = "magnitudes"
 # Analyses that a study leaves out, an attribute of the root.
 LEFT_OUT = "left_out"
+# Inputs of which each model of a study has another value, an attribute of the root.
+SWEEP = "sweep"
 MOMENTS = "moments"
 QUANTILES = "quantiles"
 EXCEEDANCE = "exceedance"

@@ -31,9 +31,9 @@ from uqpen.core.labels import (
     STATUS_COUNTS,
     WEIGHT,
 )
-from uqpen.core.model import Category, Model, Output
+from uqpen.core.model import Category, Input, Model, Output
 from uqpen.core.status import Status
-from uqpen.core.variables import field_coordinates
+from uqpen.core.variables import field_coordinates, label_attributes
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -201,6 +201,7 @@ def _add_attributes(runs: xr.Dataset, model: Model, display_units: Mapping[str, 
                     "long_name": variable.title,
                     ROLE: stored[variable.name].attrs.get(ROLE, role),
                     **(_category_attributes(categories) if categories else measure),
+                    **(label_attributes(variable) if isinstance(variable, Input) else {}),
                     **(_END if isinstance(variable, Output) and variable.may_end else {}),
                     **(_absence(variable) if isinstance(variable, Output) else {}),
                 }

@@ -19,6 +19,7 @@ FIGURES = {
     "sensitivity": "uqpen.charts.measures:sensitivity_charts",
     "responses": "uqpen.charts.measures:response_charts",
     "surrogate": "uqpen.charts.surrogate:surrogate_charts",
+    "sweep": "uqpen.charts.sweeps:sweep_charts",
     "models": "uqpen.charts.distributions:model_charts",
     "fan": "uqpen.charts.curves:fan_charts",
     "model-curves": "uqpen.charts.curves:model_curve_charts",

@@ -56,6 +56,7 @@ from uqpen.results.source_statistics import (
     user_defined,
 )
 from uqpen.results.surrogate_tables import correction_tables, fit_table, missing_run_tables
+from uqpen.results.sweeps import sweep_tables
 from uqpen.results.table import (
     NOTHING,
     Conversion,
@@ -88,6 +89,8 @@ def output_tables(tree: xr.DataTree, *, everything: bool = False) -> Iterator[Ou
     These have all measures with `everything`.
     """
     level = _level_text(tree)
+    for table in sweep_tables(tree):
+        yield replace(table, title=f"{table.title}{level}")
     for head, model in headed_models(tree).items():
         for table in _model_tables(model, everything=everything):
             yield replace(table, title=f"{head}{table.title}{level}")

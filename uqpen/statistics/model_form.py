@@ -309,7 +309,7 @@ def event_difference(sample: Sample, first: BoolArray, other: BoolArray) -> Esti
     Parameters
     ----------
     sample : Sample
-        Its runs are the pairs of which both have completed.
+        Its runs are the pairs that both have completed.
     first, other : ndarray of bool, shape (run,)
 
     References

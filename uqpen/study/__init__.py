@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TypedDict
 
-from uqpen.core.labels import LEFT_OUT
+from uqpen.core.labels import LEFT_OUT, SWEEP
 
 __all__ = ["SECTIONS", "Section", "SectionArguments"]
 
@@ -55,7 +55,7 @@ SECTIONS: Mapping[str, Section] = {
     "inputs": Section(expected="an [inputs] table", determines_points=True),
     # Values of inputs, each of which is a variant of the model, at the same points.
     "sweep": Section(
-        field="swept", attribute="sweep", fact="at several values of {value}, at the same points"
+        field="swept", attribute=SWEEP, fact="at several values of {value}, at the same points"
     ),
     "joint": Section(determines_points=True),
     "dependence": Section(determines_points=True),

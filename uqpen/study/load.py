@@ -179,7 +179,7 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
         root, tables, model, models, methods.designs, heading.seed
     )
     check_fixed(tables["inputs"], joint, model)
-    check_sweep(tables["sweep"], joint)
+    check_sweep(tables["sweep"])
     check_formulas(tables["outputs"], models, inputs)
     constraints = read_constraints(tables["constraints"], model, inputs)
     plan = BudgetPlan(document.text)

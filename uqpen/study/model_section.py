@@ -38,7 +38,6 @@ from uqpen.core.model import (
 from uqpen.core.quantities import parse_quantity
 from uqpen.core.settings import declared_settings, flag, text
 from uqpen.core.units import ANY_DIMENSION, DIMENSIONLESS, are_convertible, si_unit
-from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.execution.memory_limit import CAN_LIMIT
 from uqpen.models import MODELS
 from uqpen.models.dependencies import Dependencies
@@ -646,12 +645,12 @@ def _swept_values(table: TableReader, variable: Input) -> list[tuple[str, str, f
     return [*found.values()]
 
 
-def check_sweep(table: TableReader, joint: JointDistribution) -> None:
+def check_sweep(table: TableReader) -> None:
     """Note formulas of inputs that name a swept one: they are computed before it has a value."""
-    for each in joint.derived:
-        for name in sorted(each.formula.names & {*table.content}):
-            found = f"{name}, which the formula of {each.variable.name} names"
-            table.add_problem(name, found, "an input that no formula of [inputs] names")
+    for other, written in inner_table(table.document.content, "inputs").items():
+        for name in {*_WORD.findall(str(written))} & {*table.content}:
+            found = f"{name}, which {other} in [inputs] follows from"
+            table.add_problem(name, found, "an input that no formula names")
 
 
 def check_variants(root: TableReader, variants: dict[str, Variant], random: set[str]) -> None:

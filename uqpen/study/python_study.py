@@ -619,7 +619,7 @@ class Study(ValidatedStudy):
         Name of the study.
     models : mapping, optional
         Several models by name, in place of `model`.
-    joint, joint_probabilities, surrogates, published, failures, dependence : optional
+    sweep, joint, joint_probabilities, surrogates, published, failures, dependence : optional
         As the tables of these names in a study file.
     constraints : sequence of str
         Conditions that every point meets, such as ``"a > 2 * b"``.

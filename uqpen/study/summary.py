@@ -31,6 +31,8 @@ def models_text(study: ValidatedStudy) -> str:
     """Return the names of a study's models."""
     if not study.has_several_models:
         return f"model {study.model.name}"
+    if study.swept:
+        return f"model {study.model.name} at {len(study.models)} values"
     named = (f"{name} ({variant.model.name})" for name, variant in study.models.items())
     return f"models {', '.join(named)}"
 
@@ -51,6 +53,7 @@ def input_rows(study: ValidatedStudy) -> Rows:
         else:
             text = entry.description
         rows.append((entry.variable.name, text))
+    rows += _swept_rows(study)
     if isinstance(study.model, DataModel):
         stated = {entry.variable.name for entry in study.joint.inputs}
         for variable in study.model.inputs:
@@ -65,6 +68,20 @@ def input_rows(study: ValidatedStudy) -> Rows:
             text = f"{values.min():.4g} to {values.max():.4g}{unit} in {study.model.name}"
             rows.append((variable.name, text))
     return rows
+
+
+def _swept_rows(study: ValidatedStudy) -> Iterator[tuple[str, str]]:
+    """Yield the name of each swept input with its values."""
+    for name in study.swept:
+        variable = study.model.input(name)
+        own = dict.fromkeys(each.given[name] for each in study.models.values())
+        if variable.labels:
+            texts = [variable.labels[int(value)] for value in own]
+        else:
+            shown = scale(variable.preferred_unit)
+            texts = [f"{shown.from_si(value):.10g}" for value in own]
+        unit = "" if variable.preferred_unit == DIMENSIONLESS else f" {variable.preferred_unit}"
+        yield name, f"{', '.join(texts)}{unit}, at the same points"
 
 
 def output_rows(study: ValidatedStudy) -> Rows:

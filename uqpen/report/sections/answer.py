@@ -11,9 +11,10 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.read import group_names, read_group
-from uqpen.charts.chart import Block
+from uqpen.charts.chart import Block, Charts
 from uqpen.charts.distributions import bound_charts, model_chart
 from uqpen.charts.histograms import histogram
+from uqpen.charts.sweeps import sweep_charts
 from uqpen.core.labels import DIFFERENCES, OUTCOME_OUTPUT, RUNS, SURROGATES, THRESHOLD
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import STATUS_TEXT, Status
@@ -52,6 +53,7 @@ from uqpen.results.failed_runs import FailedRuns, failed_runs
 from uqpen.results.output_tables import runs_spent, tolerance_cell
 from uqpen.results.repeats import noise_sentences
 from uqpen.results.source_statistics import SourceStatistics
+from uqpen.results.sweeps import sweep_tables
 from uqpen.results.table import NOTHING, OutputTable, conversion, label_with_unit
 from uqpen.results.texts import capitalized, join_names, plain_text, typeset_quantity, unit_suffix
 
@@ -295,7 +297,10 @@ def model_answer(view: ArchiveView) -> Iterator[Block]:
         yield Columns(blocks, chart)
     else:
         yield from blocks
-    for table in _model_tables(views, design):
+    if found := tuple(sweep_charts(view)):
+        yield Charts(found)
+    tables = (*sweep_tables(view.archive),) or _model_tables(views, design)
+    for table in tables:
         yield Table(table)
     if verdicts and entries:
         yield Fold("How the means differ", (Findings(entries),))
