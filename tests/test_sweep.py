@@ -137,8 +137,8 @@ def test_it_verifies_and_is_shown_as_tables_json_and_page(folder, tmp_path):
     assert "exceedance" in str(found["differences"][NAMES[1]]["monte_carlo"]["outputs"]["total"])
     uqpen.write_report(archive, tmp_path / "page.html")
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
-    assert "mean over speed" in page
-    assert "P(&gt; 3.0) over speed" in page
+    assert "Total: mean over speed" in page
+    assert "Total: P(&gt; 3.0) over speed" in page
     assert "They are no sample of all models" not in page
     assert "model_form" not in archive.children
 

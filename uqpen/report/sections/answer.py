@@ -297,7 +297,12 @@ def model_answer(view: ArchiveView) -> Iterator[Block]:
         yield Columns(blocks, chart)
     else:
         yield from blocks
-    if found := tuple(sweep_charts(view)):
+    swept = (
+        replace(each, title=f"{capitalized(output_title(view, each.of))}: {each.title}")
+        for each in sweep_charts(view)
+        if each.of in main
+    )
+    if found := tuple(swept):
         yield Charts(found)
     tables = (*sweep_tables(view.archive),) or _model_tables(views, design)
     for table in tables:

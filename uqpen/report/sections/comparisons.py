@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from uqpen.archive.read import group_names
-from uqpen.charts.chart import Block
+from uqpen.charts.chart import Block, Charts
 from uqpen.charts.convergence_history import convergence_charts
 from uqpen.charts.distributions import model_chart
 from uqpen.charts.source_comparison import (
@@ -21,6 +21,7 @@ from uqpen.charts.source_comparison import (
     main_statistics,
 )
 from uqpen.charts.surrogate import prediction_charts
+from uqpen.charts.sweeps import sweep_charts
 from uqpen.charts.trajectory import (
     find_trajectories,
     quantity_name,
@@ -134,12 +135,16 @@ def model_comparison(view: ArchiveView) -> Iterator[Block]:
         return
     yield from further_curves(view)
     design = view.leading_design
-    first = main_outputs(view)[:1] if design else []
+    main = main_outputs(view) if design else []
+    first = main[:1]
     for output in view.numeric_outputs if design else ():
         chart = model_chart(view, output, design or "")
         if chart is not None and output not in first:
             yield Heading(output_heading(view, output))
             yield chart
+        swept = tuple(each for each in sweep_charts(view) if each.of == output)
+        if swept and output not in main:  # those of the main outputs are on the page already
+            yield Charts(swept)
     for table in difference_tables(view.archive):
         yield Table(table, is_folded=True)
 
