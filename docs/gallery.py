@@ -75,6 +75,24 @@ kind   = "interval-bounds"
 events = ["y > 8"]
 """
 
+# An input with several values.
+SWEEP = """\
+title = "Ishigami, x3 at several values"
+seed  = 1
+[model]
+use = "ishigami"
+[sweep]
+x3 = [0, 1, 2, 3]
+[inputs]
+x1 = { uniform = { lower = -3, upper = 3 } }
+x2 = { uniform = { lower = -3, upper = 3 } }
+[outputs.y]
+exceeds = [8]
+[designs.monte_carlo]
+kind = "monte-carlo"
+runs = 1000
+"""
+
 # Numbers of runs of shipped studies, and of the gallery's.
 FEWER = {"10_000": "1_000", "8_192": "1_024", "5_000": "400", "2_000": "100"}
 
@@ -92,6 +110,7 @@ SHOWN: Mapping[str, tuple[str, Mapping[str, str]]] = {
     "surrogate": ("concrete", {"output": "penetration_depth"}),
     "losses": ("concrete", {}),
     "velocity-profile": ("concrete", {}),
+    "sweep": ("sweep", {"output": "y"}),
     "models": ("rods", {"output": "penetration_depth"}),
     "trajectory": ("rods", {}),
     "fan": ("rod_course", {"output": "tail_velocity_at_depth"}),
@@ -108,6 +127,7 @@ COMMANDS = {
     "rod_course": "uqpen study studies/rod_course.toml",
     "plate": "uqpen study plate.toml",
     "interval": "uqpen study interval.toml",
+    "sweep": "uqpen study sweep.toml",
     "ishigami_compare": "uqpen compare studies/ishigami.toml",
 }
 
@@ -138,6 +158,7 @@ def archives(folder: Path) -> Mapping[str, Callable[[], xr.DataTree]]:
         "rod_course": lambda: uqpen.run(with_fewer_runs("rod_course")),
         "plate": lambda: uqpen.run(plate(folder)),
         "interval": lambda: uqpen.run(uqpen.parse_study(INTERVAL, name="interval")),
+        "sweep": lambda: uqpen.run(uqpen.parse_study(SWEEP, name="sweep")),
         "ishigami_compare": lambda: uqpen.compare(with_fewer_runs("ishigami"), settings),
     }
 
