@@ -251,3 +251,16 @@ def test_the_total_over_both_is_computed_and_no_narrower_than_a_part(study_of, t
     assert "the total, which is no sum of both" in lines
     (table,) = (each for each in output_tables(tree) if "bounds over" in each.title)
     assert table.columns[-1] == "range, with uncertain parameters"
+
+
+def test_an_event_has_bounds_over_a_box(study_of):
+    text = (
+        '[joint_probabilities]\nhigh = ["y > 3"]\n[designs.some]\nkind = "monte-carlo"\nruns = 2000'
+    )
+    tree = uqpen.run(study_of("x", text, x=BOX))
+    high, *_ = found_bounds(SourceStatistics(tree), "some")
+    assert high.title == "P(y > 3)"
+    least, largest = high.range
+    assert least <= norm.sf(3) <= float(high.lower[2])
+    assert float(high.upper[1]) <= norm.sf(4 / 3) <= largest
+    assert estimate_remark(high.upper) == "largest, with x of mean 1, std 1.5"

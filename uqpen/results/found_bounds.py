@@ -11,6 +11,7 @@ import xarray as xr
 from uqpen.archive.read import read_group
 from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import (
+    BOUNDED_EVENT,
     BOUNDS_GROUP,
     INTERVAL_ENDS,
     INTERVAL_LEVEL,
@@ -96,7 +97,12 @@ _OVER_BOX = [CATALOGUE[name] for name in ("exceedance", "below", "share", "quant
 
 
 def _bounds_over_box(statistics: SourceStatistics, design: str) -> Iterator[FoundBounds]:
-    """Yield the bounds over parameters that are intervals, of one output after the other."""
+    """Yield the bounds over parameters that are intervals: of events, then of each output."""
+    of_events = statistics.of_runs(BOUNDS_GROUP, design)
+    if "lower_probability" in of_events:
+        both = of_events["lower_probability"], of_events["upper_probability"]
+        for lower, upper in zip(*both, strict=True):
+            yield FoundBounds(f"P({lower[BOUNDED_EVENT].item()})", "", -1, lower, upper)
     for output in statistics.scalar_outputs:
         of_output = statistics.statistics(design, output)
         for record in (each for each in _OVER_BOX if f"lower_{each.name}" in of_output):

@@ -18,7 +18,7 @@ import xarray as xr
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.blocks import BlockedRuns, LoadedDataset
 from uqpen.core.catalogue import CATALOGUE
-from uqpen.core.labels import RANK, SAMPLING, WEIGHT
+from uqpen.core.labels import BOUNDED_EVENT, RANK, SAMPLING, WEIGHT
 from uqpen.core.lookup import resolve
 from uqpen.core.sampling import Sampling
 from uqpen.core.streams import BLOCK
@@ -33,10 +33,12 @@ from uqpen.distributions.unknowns import (
 )
 from uqpen.statistics import texts
 from uqpen.statistics.analyze import OutputStatistics, output_run_counts, run_counts
+from uqpen.statistics.distribution_function.probabilities import event_probability
 from uqpen.statistics.distribution_function.quantiles import sample_quantile
 from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.joint_event import JointEvent
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.statistics.run_samples import sample_of
+from uqpen.statistics.run_samples import event_sample, sample_of, samples_of
 from uqpen.statistics.sample import Sample
 from uqpen.statistics.weights import (
     effective_sizes,
@@ -366,26 +368,88 @@ def _box_estimates(
                 estimates.append(_cdf(own, _values_at_ranks(sample, templates[name])))
             else:
                 estimates.append(resolve(CATALOGUE[name].by["part"])(own, quantity))
-    least, reason = min(sizes), ""
-    if least < max(_FEWEST_OF_BOX, _LEAST_SHARE_OF_BOX * sample.size):
-        share = 100 * least / max(sample.size, 1)
-        reason = texts.FEW_RUNS_OF_BOX.format(
-            least=least, share=share, fewest=_FEWEST_OF_BOX, most=100 * _LEAST_SHARE_OF_BOX
-        )
-    at = [
+    at, reason = _texts_of(entries, places), _reason_without_bounds(min(sizes), sample.size)
+    for name, template in templates.items():
+        for end, estimate in _ends(Estimate.stacked(found[name], axis=0), at, reason):
+            yield f"{end}_{name}", template, estimate
+    if joint.fitted and not reason:
+        yield from _totals(sample, runs, quantity, joint, templates)
+
+
+def _texts_of(
+    entries: Sequence[RandomInput], places: Sequence[tuple[Distribution, ...]]
+) -> list[str]:
+    """Return each place of the boxes in words."""
+    return [
         ", ".join(
             f"{entry.variable.name} of {parameters_text(each, entry.display_unit)}"
             for entry, each in zip(entries, place, strict=True)
         )
         for place in places
     ]
-    for name, template in templates.items():
-        for end, estimate in _ends(Estimate.stacked(found[name], axis=0), at):
-            if reason:
-                estimate = Estimate.without_bounds(estimate.value, reason)
-            yield f"{end}_{name}", template, estimate
-    if joint.fitted and not reason:
-        yield from _totals(sample, runs, quantity, joint, templates)
+
+
+def _reason_without_bounds(least: float, runs: int) -> str:
+    """Return why weights allow no bounds, where so few runs count; empty where they do."""
+    if least >= max(_FEWEST_OF_BOX, _LEAST_SHARE_OF_BOX * runs):
+        return ""
+    return texts.FEW_RUNS_OF_BOX.format(
+        least=least,
+        share=100 * least / max(runs, 1),
+        fewest=_FEWEST_OF_BOX,
+        most=100 * _LEAST_SHARE_OF_BOX,
+    )
+
+
+def event_bounds_over_boxes(
+    runs: xr.Dataset, events: Sequence[JointEvent], joint: JointDistribution, level: float
+) -> OutputStatistics:
+    """Estimate the bounds of the probabilities of events over parameters that are intervals.
+
+    Parameters
+    ----------
+    runs : Dataset
+        Of a design whose points go over the boxes of `joint`.
+    events : sequence of JointEvent
+    joint : JointDistribution
+    level : float
+        Confidence level of the intervals.
+
+    Returns
+    -------
+    dict of str to DataArray
+        ``lower_probability`` and ``upper_probability`` along ``bounded_event`` and ``bound``; empty
+        without events.
+    """
+    independent = runs.assign_attrs({SAMPLING: str(Sampling.INDEPENDENT)})
+    samples = samples_of(
+        LoadedDataset(independent), sorted(set[str]().union(*(each.outputs for each in events)))
+    )
+    boxes = [each.unknown for each in joint.boxes if isinstance(each.unknown, ParameterBox)]
+    places, ratios = [*grid_of_boxes(boxes)], _Ratios(runs, joint, joint.boxes)
+    at = _texts_of(joint.boxes, places)
+    found: dict[str, list[Estimate]] = {"lower": [], "upper": []}
+    for event in events:
+        sample, occurs = event_sample(event, samples, level)
+        weighted = [_weighted(sample, ratios.at(place)) for place in places]
+        each = Estimate.stacked([event_probability(own, occurs) for own in weighted], axis=0)
+        least = min(own.effective_size for own in weighted)
+        reason = _reason_without_bounds(least, sample.size)
+        for end, estimate in _ends(each, at, reason):
+            found[end].append(estimate)
+    names = np.array([event.condition for event in events], dtype=object)
+    return {
+        f"{end}_probability": Estimate.stack(
+            estimates,
+            BOUNDED_EVENT,
+            units="1",
+            long_name=f"{end} bound of the probability of an event over the intervals",
+            coordinates={BOUNDED_EVENT: (BOUNDED_EVENT, names, {"long_name": "event"})},
+            level=level,
+        )
+        for end, estimates in found.items()
+        if events
+    }
 
 
 def _totals(
@@ -425,8 +489,10 @@ def _cdf(sample: Sample, values: FloatArray) -> Estimate:
     return found.remove_bounds_at((below <= 0) | (below >= 1), texts.CONSTANT_EVENT)
 
 
-def _ends(each: Estimate, at: Sequence[str]) -> Iterator[tuple[str, Estimate]]:
+def _ends(each: Estimate, at: Sequence[str], reason: str) -> Iterator[tuple[str, Estimate]]:
     """Yield the least and the largest of estimates along the first axis, each with its limit.
+
+    With a reason they have none.
 
     The limit of the upper bound is the largest upper limit of all, which is at least the one where
     the true bound is. So no search needs a correction.
@@ -463,4 +529,7 @@ def _ends(each: Estimate, at: Sequence[str]) -> Iterator[tuple[str, Estimate]]:
             dtype=object,
         )
         refused = replace(Estimate.without_bounds(value), note=without.reshape(np.shape(value)))
-        yield end, found.replace_at(~known, refused)
+        if reason:
+            yield end, Estimate.without_bounds(value, reason)
+        else:
+            yield end, found.replace_at(~known, refused)

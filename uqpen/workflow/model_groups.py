@@ -218,6 +218,12 @@ def joint_statistics(study: ValidatedStudy, runs: xr.Dataset) -> OutputStatistic
 
 def bound_statistics(study: ValidatedStudy, runs: xr.Dataset) -> OutputStatistics:
     """Return the bounds of the probabilities of events over the intervals of a study."""
+    if runs.attrs[SAMPLING] == Sampling.OVER_BOX and study.joint_events:
+        from uqpen.statistics.statistics_over_unknowns import event_bounds_over_boxes
+
+        return event_bounds_over_boxes(
+            runs, study.joint_events, study.joint, study.confidence_level
+        )
     if runs.attrs[SAMPLING] != Sampling.TOWARDS_BOUNDS:
         return {}
     from uqpen.statistics.interval_bounds import event_bounds
