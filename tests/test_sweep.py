@@ -141,6 +141,8 @@ def test_it_verifies_and_is_shown_as_tables_json_and_page(folder, tmp_path):
     assert "Total: P(&gt; 3.0) over speed" in page
     assert "They are no sample of all models" not in page
     assert "model_form" not in archive.children
+    axes = uqpen.figure(archive, "sweep", output="total").axes
+    assert next(each.get_xlabel() for each in axes if each.get_visible()) == "speed [m/s]"
 
 
 def test_two_swept_inputs_make_the_product(folder):

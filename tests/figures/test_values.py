@@ -43,8 +43,9 @@ def dots(axes):
 
 # Of outputs with dimensions, which these archives do not have.
 FIELDS = {"fan", "model-curves", "sensitivity-along", "map"}
-# Bounds are of intervals, which they do not have either: see `test_interval_bounds`.
-OF_STUDIES = set(FIGURES) - set(OF_BENCHMARKS) - {"bounds"}
+# Bounds are of intervals, which they do not have either, nor swept inputs: see
+# `test_interval_bounds` and `test_sweep`.
+OF_STUDIES = set(FIGURES) - set(OF_BENCHMARKS) - {"bounds", "sweep"}
 # What each has something for.
 EXPECTED = {
     "beam": OF_STUDIES

@@ -80,7 +80,7 @@ def model_charts(view: ArchiveView) -> Iterator[Chart]:
 
 
 def bound_charts(view: ArchiveView) -> Iterator[Chart]:
-    """Distribution functions of an output at both bounds over the intervals of a study."""
+    """Distribution functions at both bounds over the intervals."""
     for design in view.designs:
         if view.design(design).sampling is Sampling.OVER_BOX:
             charts = (_box_chart(view, design, output) for output in view.numeric_outputs)

@@ -20,7 +20,7 @@ _MOST_LINES = 8
 
 
 def sweep_charts(view: ArchiveView) -> Iterator[Chart]:
-    """Statistics by the leading design over the values of a swept input, a chart for each."""
+    """Statistics over the values of a swept input, a chart for each."""
     sweep, design = Sweep.of_archive(view.archive), view.leading_design
     if sweep is None or design is None:
         return
