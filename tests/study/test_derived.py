@@ -271,7 +271,8 @@ class TestRuns:
                 seed=1,
             )
         )
-        assert len(calls) == 30
+        # The trial run is made twice, and one run in 20 again, to see noise.
+        assert len(calls) == 30 + 3
         rate = tree["runs/mc/rate"].values
         assert np.array_equal(tree["runs/mc/peak"], rate)
         assert np.array_equal(tree["runs/mc/middle"], rate / 2)
