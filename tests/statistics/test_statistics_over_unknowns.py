@@ -15,7 +15,9 @@ from uqpen.core.sampling import Sampling
 from uqpen.distributions.univariate import Normal
 from uqpen.report.sections.summary import summary_lines
 from uqpen.results.archive_view import select_view
+from uqpen.results.error_statement import error_statements
 from uqpen.results.found_bounds import found_bounds
+from uqpen.results.json import archive_json
 from uqpen.results.output_tables import output_tables
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.table import estimate_remark
@@ -264,3 +266,45 @@ def test_an_event_has_bounds_over_a_box(study_of):
     assert least <= norm.sf(3) <= float(high.lower[2])
     assert float(high.upper[1]) <= norm.sf(4 / 3) <= largest
     assert estimate_remark(high.upper) == "largest, with x of mean 1, std 1.5"
+
+
+def test_one_statement_has_all_parts_of_an_error(fitted):
+    _, tree = fitted
+    (below, mean) = error_statements(tree)
+    assert (below.label, mean.label) == ("P(< 8)", "mean")
+    parts = {part.name: part for part in (*below.parts, below.total, *below.bought)}
+    assert [*parts] == ["sampling", "fitted", "total", "sampling, 4 times the runs"]
+    found = stated(tree)
+    assert parts["sampling"][1:3] == tuple(found["plug_in_below"].values[0, 1:])
+    assert parts["fitted"][1:3] == parts["total"][1:3] == tuple(found["fitted_below"].values[0, 1:])
+    # No total is narrower than a part, and more runs make no other part narrower.
+    for part in parts.values():
+        assert parts["total"].lower <= part.lower <= part.upper <= parts["total"].upper
+    four = parts["sampling, 4 times the runs"]
+    assert 2 * (four.upper - four.lower) == pytest.approx(
+        parts["sampling"].upper - parts["sampling"].lower
+    )
+    tables = {table.title: table for table in output_tables(tree)}
+    shown = dict(tables["y: what the errors are made of, some"].rows)
+    assert [*shown] == [*parts]
+    assert (
+        "the parameters and the runs together"
+        in tables["y: what the errors are made of, some"].notes[2]
+    )
+    # The curve is a band, and no row of a table.
+    assert all(label for label, _ in tables["y"].rows)
+    errors = archive_json(tree)["errors"]["y, P(< 8)"]
+    assert errors["total"]["upper"] == parts["total"].upper
+
+
+def test_intervals_and_fitted_parameters_have_a_total_of_both(module_study_of, fitted):
+    text = '[outputs.y]\nbelow = [8]\n[designs.some]\nkind = "monte-carlo"\nruns = 2000'
+    box = "{ normal = { mean = [0, 1], std = 1 } }"
+    tree = uqpen.run(module_study_of("x + b", text, x=MEASURED, b=box))
+    statement = next(iter(error_statements(tree)))
+    parts = {part.name: part for part in statement.parts}
+    assert {"intervals", "limits of these"} <= parts.keys()
+    total = statement.total
+    assert total.lower <= parts["intervals"].lower
+    assert total.upper >= parts["limits of these"].upper
+    assert "the parameters, the intervals and the runs together" in total.definition

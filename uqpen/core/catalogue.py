@@ -561,7 +561,7 @@ def _over_unknowns() -> Iterator[Statistic]:
                 of = known[name].shown
                 shown = replace(
                     of,
-                    label=label.replace("{label}", of.label),
+                    label=label.replace("{label}", of.label) if of.label else "",
                     json=f"{prefix}{of.json}" if of.json else "",
                     rank=99,
                     is_compared=False,

@@ -36,6 +36,7 @@ from uqpen.core.units import DIMENSIONLESS
 from uqpen.execution import run_count, status_counts
 from uqpen.results.acceptance import acceptance_json
 from uqpen.results.design_groups import design_json
+from uqpen.results.error_statement import error_json
 from uqpen.results.failed_runs import FailedRuns, failed_runs
 from uqpen.results.input_measures import sensitivity_json
 from uqpen.results.noise import noise_text
@@ -79,14 +80,16 @@ def archive_json(tree: xr.DataTree) -> dict[str, Any]:
     there is none, with how its interval was made. A field has ``dimensions``, and lists along them
     in place of the numbers of its figures. Of several models, all that under ``models.<name>``,
     their differences under ``differences.<name>``, and the shares of model form under
-    ``model_form.<design>.<output>``. The ``confidence_level`` of all intervals, where it is not
-    0.95.
+    ``model_form.<design>.<output>``. The parts of the error of an answer over fitted parameters
+    are under ``errors.<answer>``. The ``confidence_level`` of all intervals, where it is
+    not 0.95.
     """
     head = archive_identity(tree)
     if CONFIDENCE_LEVEL in tree.attrs:
         head[CONFIDENCE_LEVEL] = float(tree.attrs[CONFIDENCE_LEVEL])
+    errors = {"errors": parts} if (parts := error_json(tree)) else {}
     if MODELS not in tree.children:
-        return {**head, **_model_json(tree)}
+        return {**head, **_model_json(tree), **errors}
     models = model_trees(tree)
     differences = {
         other: _difference_json(SourceStatistics.of_differences(tree, other), models[other])
@@ -107,6 +110,7 @@ def archive_json(tree: xr.DataTree) -> dict[str, Any]:
         "models": {name: _model_json(model) for name, model in models.items()},
         "differences": differences,
         **({MODEL_FORM: found} if found else {}),
+        **errors,
     }
 
 

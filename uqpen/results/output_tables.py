@@ -46,6 +46,7 @@ from uqpen.results.digits import (
     tolerance_interval_texts,
     tolerance_limit_text,
 )
+from uqpen.results.error_statement import error_tables
 from uqpen.results.input_measures import generalized_table, named_tables, noise_tables
 from uqpen.results.source_statistics import (
     SHOWN,
@@ -101,6 +102,8 @@ def output_tables(tree: xr.DataTree, *, everything: bool = False) -> Iterator[Ou
                 yield replace(table, title=f"{head}{table.title}{level}")
             for table in missing_run_tables(model, surrogate):
                 yield replace(table, title=head + table.title)
+    for table in error_tables(tree):
+        yield replace(table, title=f"{table.title}{level}")
     yield from group_tables(tree, is_of_model=False)
 
 

@@ -49,6 +49,7 @@ from uqpen.report.sections.sentences import (
 from uqpen.results.acceptance import Acceptance, AcceptanceVerdict
 from uqpen.results.archive_view import ArchiveView, output_title
 from uqpen.results.digits import count_text, estimate_text, grouped_number, percent_texts
+from uqpen.results.error_statement import error_tables
 from uqpen.results.failed_runs import FailedRuns, failed_runs
 from uqpen.results.output_tables import runs_spent, tolerance_cell
 from uqpen.results.repeats import noise_sentences
@@ -68,12 +69,17 @@ _MOST_REASONS = 3
 
 def answer(view: ArchiveView) -> Iterator[Block]:
     """The main results of a study; of several models, their differences first."""
+    # Those of the first output; a line opens each other.
+    tables = enumerate(error_tables(view.archive))
+    errors = [Table(table, is_folded=place > 0) for place, table in tables]
     if not view.model:
         yield from _answer(view)
+        yield from errors
         return
     yield from model_answer(view)
     for each in view.model_views:
         yield Fold(f"By {each.model} alone", tuple(_answer(each)))
+    yield from errors
 
 
 def _answer(view: ArchiveView) -> Iterator[Block]:
