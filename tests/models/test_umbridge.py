@@ -106,6 +106,9 @@ def http(content, code="200 OK"):
     return f"{head}\r\n\r\n{content}".encode()
 
 
+# For a server of this file, which answers one run: none is made again.
+ANSWERED_ONCE = "noise = false\n"
+
 # What a server says of itself before the first run.
 BEFORE = (
     http('{"protocolVersion": 1.0, "models": ["sum"]}'),
@@ -255,7 +258,9 @@ class TestLostRuns:
     @pytest.mark.parametrize("case", DRIPS)
     def test_the_time_limit_is_that_of_the_whole_answer(self, case):
         with answering(*BEFORE, drip=DRIPS[case]) as address:
-            limited = study(address, 'time_limit = "0.3 s"', ("runs = 20", "runs = 1"))
+            limited = study(
+                address, f'{ANSWERED_ONCE}time_limit = "0.3 s"', ("runs = 20", "runs = 1")
+            )
             made = runs(limited)
         assert made["status"].values.tolist() == [Status.TIMED_OUT]
         assert made["lost_reason"].values.tolist() == ["took longer than 0.3 s"]
@@ -264,7 +269,7 @@ class TestLostRuns:
         monkeypatch.setattr(umbridge, "_MOST_RECEIVED", 2**17)
         endless = 10_000 * b"HTTP/1.1 100 Continue\r\n\r\n"
         with answering(*BEFORE, drip=(endless, b"H", b"")) as address:
-            made = runs(study(address, "", ("runs = 20", "runs = 1")))
+            made = runs(study(address, ANSWERED_ONCE, ("runs = 20", "runs = 1")))
         reported = "the server's answer has more than 16777216 bytes"
         assert made["lost_reason"].values.tolist() == [reported]
 
@@ -286,7 +291,7 @@ class TestLostRuns:
     def test_of_servers_that_misbehave(self, case):
         answer, reason = ANSWERS[case]
         with answering(*BEFORE, answer) as address:
-            made = runs(study(address, "", ("runs = 20", "runs = 1")))
+            made = runs(study(address, ANSWERED_ONCE, ("runs = 20", "runs = 1")))
         assert made["lost_reason"].values.tolist() == [reason]
 
     def test_a_server_that_gives_up_a_connection_is_asked_again(self):

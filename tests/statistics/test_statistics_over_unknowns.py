@@ -308,3 +308,16 @@ def test_intervals_and_fitted_parameters_have_a_total_of_both(module_study_of, f
     assert total.lower <= parts["intervals"].lower
     assert total.upper >= parts["limits of these"].upper
     assert "the parameters, the intervals and the runs together" in total.definition
+
+
+def test_events_of_several_outputs_have_the_interval_over_the_draws(study_of, tmp_path):
+    (tmp_path / "x.csv").write_text("x\n" + "\n".join(map(str, SPECIMENS)))
+    text = '[joint_probabilities]\nlow = ["y < 8"]\n[outputs.y]\nbelow = [8]\n[designs.some]\n'
+    tree = uqpen.run(study_of("x", text + 'kind = "monte-carlo"\nruns = 1000', x=MEASURED))
+    joint = SourceStatistics(tree).joint_statistics("some")["fitted_joint_probability"]
+    assert joint.values[0] == pytest.approx(stated(tree)["fitted_below"].values[0])
+    said = " ".join(summary_lines(tree)).replace("\u00a0", " ")
+    assert said.count("over all parameters that fit the specimens as well") >= 2
+    (table,) = (each for each in output_tables(tree) if each.title == "joint probabilities")
+    assert [label for label, _ in table.rows] == ["P(low) ¹", "P(low), over parameters"]
+    assert archive_json(tree)["designs"]["some"]["joint_probabilities"]["low"]["fitted"]["upper"]

@@ -844,6 +844,12 @@ JOINT_STATISTICS = _by_name(
             own=EntryDimension(EVENT, "text", {"event_condition": "text"}, _accepted(EVENT)),
         ),
         Statistic(
+            "fitted_joint_probability",
+            "probability of an event over parameters that fit as well",
+            (EVENT,),
+            note_is_of_estimate=True,
+        ),
+        Statistic(
             "event_first_order",
             "first-order Sobol' index of an event",
             (SENSITIVITY_EVENT, INPUT),

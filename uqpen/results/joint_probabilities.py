@@ -84,13 +84,22 @@ def joint_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
     arrays = statistics.joint_probabilities()
     if not arrays:
         return
-    table = OutputTable("joint probabilities", list(arrays))
+    table, name = OutputTable("joint probabilities", list(arrays)), "fitted_joint_probability"
+    found = {design: statistics.joint_statistics(design).get(name) for design in arrays}
+    fitted = {design: array for design, array in found.items() if array is not None}
     for event, entries in _by_design(arrays, "event").items():
         condition = str(next(iter(entries.values()))["event_condition"].values)
         notes = [condition] if condition != event else []
         notes += [str(each) for each in disagreements(arrays) if each.condition == condition]
         table.rows.append((f"P({event}){table.note_mark(*notes)}", table.cells(entries)))
         add_verdicts(table, entries)
+        over = {
+            design: array.sel(event=event)
+            for design, array in fitted.items()
+            if event in array["event"].values
+        }
+        if over:
+            table.rows.append((f"P({event}), over parameters", table.cells(over)))
     yield table
     sensitivities: dict[str, dict[str, dict[str, xr.DataArray]]] = {}
     for design in arrays:
@@ -164,6 +173,9 @@ def joint_json(statistics: SourceStatistics, design: str) -> dict[str, Any]:
         if others := sorted(name for pair in pairs if design in pair for name in pair - {design}):
             entry["disagrees_with"] = others
     of_design = statistics.joint_statistics(design)
+    if (fitted := of_design.get("fitted_joint_probability")) is not None:
+        for entry, array in zip(entries.values(), fitted, strict=True):
+            entry["fitted"] = estimate_json(array)
     for event, measures in _sensitivities(of_design).items():
         found = {name: entries_json(array) for name, array in measures.items()}
         entries[event]["sensitivities"] = found

@@ -170,6 +170,51 @@ def _array(
 # Parameters fitted to specimens: the plug-in answer, and the interval over the draws.
 
 
+def events_over_draws(
+    runs: xr.Dataset | BlockedRuns,
+    probabilities: xr.DataArray,
+    events: Sequence[JointEvent],
+    joint: JointDistribution,
+    level: float,
+) -> xr.DataArray:
+    """Compute the probabilities of events over parameters that fit the specimens as well.
+
+    Parameters
+    ----------
+    runs : Dataset or BlockedRuns
+        A sample of `joint`. Of more than 65 536 runs the first ones are taken.
+    probabilities : DataArray
+        Along ``event`` and ``bound``: those of the next one.
+    events : sequence of JointEvent
+        With all that `probabilities` has.
+    joint : JointDistribution
+    level : float
+        Confidence level.
+
+    Returns
+    -------
+    DataArray
+        Along ``event`` and ``bound``: the median over the draws, and the interval over them.
+    """
+    handle = LoadedDataset.of(runs)
+    taken = handle.read(0, min(handle.size, BLOCK)).assign_attrs(handle.attrs)
+    independent = taken.assign_attrs({SAMPLING: str(Sampling.INDEPENDENT)})
+    by_condition = {event.condition: event for event in events}
+    asked = [by_condition[str(each)] for each in probabilities["event_condition"].values]
+    outputs = sorted(set[str]().union(*(each.outputs for each in asked)))
+    samples, found = samples_of(LoadedDataset(independent), outputs), []
+    for place, event in enumerate(asked):
+        sample, occurs = event_sample(event, samples, level)
+        templates = {"exceedance": probabilities[[place]]}
+        over = _OverDraws(sample, None, templates, np.asarray(occurs, dtype=np.bool_))
+        estimate = _through_draws(over, sample, independent, joint).estimate("exceedance")
+        note = texts.FIRST_RUNS.format(runs=BLOCK) if handle.size > BLOCK else ""
+        found.append(estimate[0].with_note(note))
+    long_name = "probability of an event over parameters that fit as well"
+    joined = Estimate.stacked(found, axis=0)
+    return joined.in_place_of(probabilities, level=level).assign_attrs({"long_name": long_name})
+
+
 def _fitted_estimates(
     sample: Sample,
     runs: xr.Dataset,
@@ -196,9 +241,19 @@ def _over_draws(
     place: Sequence[Distribution] = (),
 ) -> _OverDraws:
     """Return the answers over all draws, at a place of the boxes if there are any."""
+    return _through_draws(_OverDraws(sample, quantity, templates), sample, runs, joint, place)
+
+
+def _through_draws(
+    over: _OverDraws,
+    sample: Sample,
+    runs: xr.Dataset,
+    joint: JointDistribution,
+    place: Sequence[Distribution] = (),
+) -> _OverDraws:
+    """Add all draws of the fitted parameters."""
     unknowns = [e.unknown for e in joint.fitted if isinstance(e.unknown, FittedParameters)]
     ratios = _Ratios(runs, joint, (*joint.fitted, *joint.boxes))
-    over = _OverDraws(sample, quantity, templates)
     for start in range(0, DRAWS, _TOGETHER):
         together = [
             ratios.at([*(each.draws[draw] for each in unknowns), *place])[sample.used]
@@ -212,9 +267,14 @@ class _OverDraws:
     """Answers of one output over draws of parameters, each with a draw for its sampling error."""
 
     def __init__(
-        self, sample: Sample, quantity: QuantityOfInterest, templates: Mapping[str, xr.DataArray]
+        self,
+        sample: Sample,
+        quantity: QuantityOfInterest | None,
+        templates: Mapping[str, xr.DataArray],
+        event: BoolArray | None = None,
     ) -> None:
         self._sample, self._quantity, self._templates = sample, quantity, templates
+        self._event = event  # (run,): whether it occurs, for its probability in place of others
         self._order = np.argsort(sample.values, kind="stable")
         self._sorted = sample.values[self._order]
         self._few = 0  # draws of which few runs count
@@ -271,7 +331,11 @@ class _OverDraws:
     def _events(self, name: str) -> BoolArray:
         """Return whether each event of a probability occurs, shape (event, run)."""
         values, quantity = self._sample.values, self._quantity
-        if name == "exceedance":
+        if self._event is not None:
+            rows = [self._event]
+        elif quantity is None:
+            rows = []
+        elif name == "exceedance":
             rows = [values > each.value for each in quantity.thresholds]
         elif name == "below":
             rows = [values < each.value for each in quantity.lower_thresholds]
@@ -300,7 +364,7 @@ class _OverDraws:
 
     def _quantiles(self, shares: FloatArray, uniform: FloatArray) -> FloatArray:
         """Return quantiles at a probability with a draw for the error of the one that is there."""
-        wanted = np.array(self._quantity.quantiles)
+        wanted = np.array(self._quantity.quantiles if self._quantity else ())
         ordered = shares[:, self._order]
         below, squares = np.cumsum(ordered, axis=1), np.cumsum(ordered**2, axis=1)
         middles = below - ordered / 2

@@ -212,6 +212,14 @@ def joint_statistics(study: ValidatedStudy, runs: xr.Dataset) -> OutputStatistic
 
     events, level = study.joint_events, study.confidence_level
     found = joint_probabilities(runs, events, level)
+    is_sample = runs.attrs[SAMPLING] in (Sampling.INDEPENDENT, Sampling.STRATIFIED)
+    if "joint_probability" in found and study.joint.fitted and is_sample:
+        from uqpen.statistics.statistics_over_unknowns import events_over_draws
+
+        with one_blas_thread():
+            found["fitted_joint_probability"] = events_over_draws(
+                runs, found["joint_probability"], events, study.joint, level
+            )
     found |= event_sensitivities(runs, events, study.joint, level)
     return mark_uncertified({"": found}, runs.attrs)[""]
 

@@ -399,11 +399,13 @@ def over_parameters(quantity: QuotedStatistic, design: str) -> str:
         return ""
     over = QuotedStatistic(quantity.view, quantity.output, record, quantity.entry)
     array = over.estimate(design)
-    if array is None:
-        return ""
+    return "" if array is None else _over_parameters(array, over.texts(array))
+
+
+def _over_parameters(array: xr.DataArray, shown: Iterable[str]) -> str:
     if not has_interval(array.values):
         return f" That is of the next one; over the parameters: {estimate_remark(array)}."
-    _, lower, upper = over.texts(array)
+    _, lower, upper = shown
     return (
         f" That is of the next one; over all parameters that fit the specimens as well, it is "
         f"between {lower} and {upper} ({_level(array)} interval)."
@@ -501,9 +503,13 @@ def _category_statistics(
 def joint_findings(view: ArchiveView, design: str) -> Iterator[Finding]:
     """Yield how often each event occurs whose probability the study requests."""
     joint = view.statistics.joint_probability(design)
-    for array in () if joint is None else joint:
-        event = capitalized(plain_text(str(array["event_condition"].values)))
-        yield Finding(event, f"In {_stated(array)}.{acceptance_sentence(array)}")
+    fitted = view.statistics.joint_statistics(design).get("fitted_joint_probability")
+    for place, array in enumerate(() if joint is None else joint):
+        event, over = capitalized(plain_text(str(array["event_condition"].values))), ""
+        if fitted is not None:
+            shown = percent_texts(*fitted[place].values.tolist())
+            over = _over_parameters(fitted[place], map(no_break, shown))
+        yield Finding(event, f"In {_stated(array)}.{acceptance_sentence(array)}{over}")
 
 
 def bound_findings(view: ArchiveView) -> Iterator[Finding]:
