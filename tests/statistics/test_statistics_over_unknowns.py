@@ -34,12 +34,18 @@ def stated(tree):
 
 
 @pytest.fixture(scope="module")
-def fitted(module_study_of, tmp_path_factory):
-    study = module_study_of  # its folder has the file of the specimens
-    folder = tmp_path_factory.getbasetemp() / "study0"
-    (folder / "x.csv").write_text("x\n" + "\n".join(map(str, SPECIMENS)))
+def measured(tmp_path_factory):
+    """The input of the specimens, from a file that any study finds."""
+    file = tmp_path_factory.mktemp("specimens") / "x.csv"
+    file.write_text("x\n" + "\n".join(map(str, SPECIMENS)))
+    return MEASURED.replace("x.csv", str(file))
+
+
+@pytest.fixture(scope="module")
+def fitted(module_study_of, measured):
     text = "[outputs.y]\nbelow = [8]\nquantiles = [0.05]\n[designs.some]\n"
-    made = study("x + 0 * b", text + 'kind = "monte-carlo"\nruns = 4000', x=MEASURED, b="0 ± 1")
+    design = 'kind = "monte-carlo"\nruns = 4000'
+    made = module_study_of("x + 0 * b", text + design, x=measured, b="0 ± 1")
     return made, uqpen.run(made)
 
 
@@ -297,10 +303,10 @@ def test_one_statement_has_all_parts_of_an_error(fitted):
     assert errors["total"]["upper"] == parts["total"].upper
 
 
-def test_intervals_and_fitted_parameters_have_a_total_of_both(module_study_of, fitted):
+def test_intervals_and_fitted_parameters_have_a_total_of_both(study_of, measured):
     text = '[outputs.y]\nbelow = [8]\n[designs.some]\nkind = "monte-carlo"\nruns = 2000'
     box = "{ normal = { mean = [0, 1], std = 1 } }"
-    tree = uqpen.run(module_study_of("x + b", text, x=MEASURED, b=box))
+    tree = uqpen.run(study_of("x + b", text, x=measured, b=box))
     statement = next(iter(error_statements(tree)))
     parts = {part.name: part for part in statement.parts}
     assert {"intervals", "limits of these"} <= parts.keys()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import builtins
 import math
 import tempfile
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -30,7 +31,7 @@ from uqpen.core.labels import (
     STATUS,
     SURROGATE_ESTIMATE,
 )
-from uqpen.core.model import Model, Results
+from uqpen.core.model import Model, Results, RunWarning
 from uqpen.core.status import BY_MACHINE, Status
 from uqpen.designs.repeated import RepeatedDesign
 from uqpen.execution import EvaluationOptions, Evaluator, FailurePolicy, Map, Progress, evaluate
@@ -214,7 +215,8 @@ def trial_noise(study: ValidatedStudy, name: str, inputs: Arrays, results: Resul
         return f"{DECLARED}: each run is another one"
     if not _is_checked(model) or np.isin(results.status, (Status.INADMISSIBLE, *BY_MACHINE)).any():
         return ""
-    with tempfile.TemporaryDirectory(prefix="uqpen-") as folder:
+    with tempfile.TemporaryDirectory(prefix="uqpen-") as folder, warnings.catch_warnings():
+        warnings.simplefilter("ignore", RunWarning)  # of which the first run has warned
         again = Evaluator(model.with_folder(Path(folder)), study.constraints)(dict(inputs))
     of_outputs = (
         relative_difference(results.outputs[key], again.outputs[key]) for key in again.outputs

@@ -75,7 +75,10 @@ let writing;
 followers.push(() => {
   // Some browsers refuse more than a few changes a second.
   clearTimeout(writing);
-  if (movedKeys.size) writing = setTimeout(() => writeAddress(), 150);
+  const { hash } = window.location;
+  // An address that was given meanwhile is read, and not replaced.
+  const write = () => window.location.hash === hash && writeAddress();
+  if (movedKeys.size) writing = setTimeout(write, 150);
 });
 window.addEventListener("hashchange", readAddress);
 // A link to the place where the address is already changes nothing in the address.
