@@ -107,6 +107,35 @@ def test_a_command_loads_what_it_needs_and_looks_for_no_garbage_in_it(archive, a
     assert arguments == ("--help",) or kept > 50_000
 
 
+def test_to_check_inputs_of_any_kind_loads_no_other_statistics(tmp_path):
+    (tmp_path / "model.py").write_text("def f(a, b, c, d, e, g, bolt):\n    return {'y': a}\n")
+    text = """
+        seed = 1
+        [model]
+        python = "model.py:f"
+        inputs = { a = "1", b = "1", c = "1", d = "1", e = "1", g = "1" }
+        labels = { bolt = ["M8", "M10"] }
+        outputs = { y = "1" }
+        [inputs]
+        a = { poisson = { mean = 3 } }
+        b = { gumbel = { mean = 3, std = 1 } }
+        c.mixture = [
+            { weight = 1, normal = { mean = 0, std = 1 } },
+            { weight = 2, weibull = { scale = 1, shape = 2 } },
+        ]
+        d = { lognormal = { median = 2, quantile = [0.95, 3] } }
+        e = "10 ± 5 %"
+        g = { normal = { mean = [0, 1], std = 1 } }
+        bolt = { choice = { labels = ["M8", "M10"] } }
+        [designs.mc]
+        kind = "monte-carlo"
+        runs = 40
+    """
+    (tmp_path / "study.toml").write_text(text, encoding="utf-8")
+    packages = loaded(tmp_path, "check", "study.toml")
+    assert packages.isdisjoint({"scipy.stats", "chaospy"}), packages
+
+
 def test_a_study_of_the_rod_loads_numba_and_compiles_nothing_twice(tmp_path):
     (tmp_path / "study.toml").write_text(ROD, encoding="utf-8")
     uqpen.run(uqpen.load_study(tmp_path / "study.toml"))  # compiles it where nothing has done so
