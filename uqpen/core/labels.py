@@ -71,10 +71,6 @@ DENSITY_RATIO = "density_ratio"
 SEARCH_START = "search_start"
 SEARCH_ORIGIN = "search_origin"
 MOVED_AXIS = "moved_axis"
-# Of least squares, attributes: what its model is compared with, and the number of starts. The start
-# of a run may also be the end of a profile, behind the starts.
-MEASURED = "measured"
-SEARCH_STARTS = "search_starts"
 # Distance of a run from the median of all inputs, in standard normal space.
 NORMAL_DISTANCE = "normal_distance"
 # Of an input known by an interval: its ends, in the SI unit.
@@ -144,7 +140,6 @@ SURROGATE_RECIPE = "surrogate_recipe"
 RUNS = "runs"
 STATISTICS_GROUP = "statistics"
 FAILURES_GROUP = "failures"
-CALIBRATIONS = "calibrations"
 JOINT_GROUP = "joint_probabilities"
 BOUNDS_GROUP = "bounds"
 # Kind of a source (a design, a surrogate or a publication), and the citation of a publication.
@@ -342,13 +337,6 @@ EVENT = "event"
 SENSITIVITY_EVENT = "sensitivity_event"
 # A design point of a rare event, by its number; the nearest to the median comes first.
 DESIGN_POINT = "design_point"
-# An unknown of a fit to measurements, and the same as the second one of a pair.
-UNKNOWN = "unknown_input"
-OTHER_UNKNOWN = "other_unknown_input"
-# A combination of unknowns that is known independently of others, by its number.
-COMBINATION = "unknown_combination"
-# A minimum of the sum of squares, by its number; the lowest comes first.
-MINIMUM = "fit_minimum"
 # Dimension of the parts of an output's distribution, each by the probability below its middle.
 OUTPUT_SHARE = "output_share"
 # The same of the parts of an input's distribution.

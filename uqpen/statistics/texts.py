@@ -456,17 +456,3 @@ NO_POLYNOMIAL_OF_BOX = "no bounds: no polynomial could be fitted to the runs of 
 PUBLISHED = "published in {source}"
 PUBLISHED_NOISE = "scatter of {runs} independent runs as seen here, and the rounding of the print"
 PUBLISHED_ROUNDING = "rounding of the print"
-
-# Unknowns from measurements.
-LINEAR_NORMAL = "normal, by the linear model at the minimum and the stated errors"
-LINEAR_STUDENT = "Student t, by the linear model at the minimum and the scatter of the residuals"
-PROFILE_LIKELIHOOD = "profile likelihood"
-NOT_TAUGHT = "the measurements do not determine it: see the combinations"
-NOT_CONVERGED = "not converged: the next step is {step:.1g} standard errors"
-OTHER_MINIMA = "another minimum is nearly as low: see the minima"
-BENT = "the model is not linear over this interval: that of the profile holds as often as it says"
-NO_PROFILE_ASKED = "no profile was asked for"
-NO_PROFILE_END = (
-    "no end of the profile was found: it is flat, leaves the support, or runs fail on the way"
-)
-NO_PROFILE_BUDGET = "profiles need more runs than at_most = {runs}"
