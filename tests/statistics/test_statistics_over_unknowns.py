@@ -303,6 +303,24 @@ def test_one_statement_has_all_parts_of_an_error(fitted):
     assert errors["total"]["upper"] == parts["total"].upper
 
 
+def test_a_statement_is_by_the_design_that_has_the_interval_and_names_its_surrogates(
+    study_of, measured
+):
+    text = (
+        '[designs.blocks]\nkind = "saltelli"\nbase = 32\n'
+        '[designs.some]\nkind = "monte-carlo"\nruns = 200\n'
+        '[surrogates.one]\nkind = "gaussian-process"\ndesign = "some"\n'
+        '[surrogates.two]\nkind = "gaussian-process"\ndesign = "some"\ntrend = "linear"\n'
+    )
+    tree = uqpen.run(study_of("x + b", text, x=measured, b="0 ± 1"))
+    (mean,) = error_statements(tree)
+    assert mean.design == "some"
+    assert [part.name for part in mean.parts] == [
+        *("sampling", "surrogate one", "surrogate two", "fitted"),
+    ]
+    assert mean.total.definition.endswith("; without surrogate one and surrogate two")
+
+
 def test_intervals_and_fitted_parameters_have_a_total_of_both(study_of, measured):
     text = '[outputs.y]\nbelow = [8]\n[designs.some]\nkind = "monte-carlo"\nruns = 2000'
     box = "{ normal = { mean = [0, 1], std = 1 } }"

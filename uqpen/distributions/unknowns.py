@@ -38,7 +38,7 @@ from uqpen.distributions.univariate import (
 
 
 class Unknown(ABC):
-    """What is not known of the distribution of an input."""
+    """Part of the distribution of an input that is not known."""
 
     @abstractmethod
     def drawn(self) -> Distribution:

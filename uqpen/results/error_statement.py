@@ -1,4 +1,4 @@
-"""What the error of an answer is made of: each part by its own definition, and the total.
+"""Parts of the error of an answer, each by its own definition, and the total.
 
 The parts are of different kinds, so their widths do not add. The total is an interval that was
 computed for all that it has in it.
@@ -39,12 +39,8 @@ _DEFINITIONS = {
     "model form": "range of the answers of {models} models at common points: no probability, "
     "and in no interval",
 }
-_TOTALS = {
-    "both": "computed for the parameters, the intervals and the runs together",
-    "fitted": "computed for the parameters and the runs together",
-    "limits of these": "computed for the intervals and the runs together",
-    "sampling": "of the runs alone",
-}
+_TOGETHER = "computed for the parameters and the runs together"
+_ALL_TOGETHER = "computed for the parameters, the intervals and the runs together"
 _BOUGHT = "if further runs scatter as these do; no other part gets narrower by runs"
 
 
@@ -95,7 +91,8 @@ class ErrorStatement(NamedTuple):
 def error_statements(archive: xr.DataTree) -> Iterator[ErrorStatement]:
     """Yield the statement of each answer over parameters that are fitted to specimens.
 
-    It is by the first design that has the answer, and of the first model if there are several.
+    It is by the first design that has an interval over them, and of the first model if there are
+    several.
     """
     models = {name: SourceStatistics(tree) for name, tree in model_trees(archive).items()}
     if archive.attrs.get(SWEEP):
@@ -105,19 +102,14 @@ def error_statements(archive: xr.DataTree) -> Iterator[ErrorStatement]:
     surrogates = [name for name in statistics.sources if statistics.kind(name) == "surrogate"]
     for output in statistics.scalar_outputs:
         for record in _ANSWERS:
+            over = {f"fitted_{record.name}", f"total_{record.name}"}
+            having = (each for each in designs if over & {*statistics.statistics(each, output)})
+            design = next(having, None)
+            if design is None:
+                continue
+            stated = statistics.statistics(design, output)
             names = (record.name, *(f"{prefix}_{record.name}" for prefix in _PREFIXES))
-            by_design = (
-                (
-                    design,
-                    {
-                        name: array
-                        for name in names
-                        if (array := statistics.get(design, output, name)) is not None
-                    },
-                )
-                for design in designs
-            )
-            design, found = next((each for each in by_design if each[1]), ("", {}))
+            found = {name: stated[name] for name in names if name in stated}
             found |= {
                 f"{_SURROGATE} {name}": array
                 for name in surrogates
@@ -130,9 +122,6 @@ def error_statements(archive: xr.DataTree) -> Iterator[ErrorStatement]:
             }
             for label, arrays in labelled_entries(record, found):
                 parts = tuple(_parts(record.name, arrays))
-                total = arrays.get(f"total_{record.name}")
-                if total is None and all(part.name != _FITTED for part in parts):
-                    continue
                 answers = (arrays.get(name) for name in (f"plug_in_{record.name}", record.name))
                 known = [float(each[0]) for each in answers if each is not None]
                 middle = np.mean([[part.lower, part.upper] for part in parts])
@@ -144,7 +133,7 @@ def error_statements(archive: xr.DataTree) -> Iterator[ErrorStatement]:
                     statistics.unit(output),
                     next(iter(known), float(middle)),
                     parts,
-                    _total(parts, total),
+                    _total(parts, arrays.get(f"total_{record.name}")),
                     tuple(_bought(parts, known)),
                 )
 
@@ -159,14 +148,13 @@ _PREFIXES = ("plug_in", "fitted", "lower", "upper", "total")
 def _parts(name: str, arrays: dict[str, xr.DataArray]) -> Iterator[ErrorPart]:
     """Yield the parts of the error of an answer, from its estimates along ``bound``."""
     own = arrays.get(f"plug_in_{name}", arrays.get(name))
-    of_surrogates = [each for key, each in arrays.items() if key.startswith(_SURROGATE)]
-    named = [(_SAMPLING, own), *((_SURROGATE, each) for each in of_surrogates)]
-    for part, array in (*named, (_FITTED, arrays.get(f"fitted_{name}"))):
+    surrogates = {key: each for key, each in arrays.items() if key.startswith(_SURROGATE)}
+    named = {_SAMPLING: own, **surrogates, _FITTED: arrays.get(f"fitted_{name}")}
+    for part, array in named.items():
         if array is not None:
             _, lower, upper = array.values.tolist()
-            is_known = math.isfinite(lower) and math.isfinite(upper)
-            text = _DEFINITIONS[part] if is_known else estimate_remark(array)
-            yield ErrorPart(part, lower, upper, text)
+            found = ErrorPart(part, lower, upper, _DEFINITIONS[part.split()[0]])
+            yield found if found.is_known else found._replace(definition=estimate_remark(array))
     least, largest = arrays.get(f"lower_{name}"), arrays.get(f"upper_{name}")
     if least is not None and largest is not None:
         ends, limits = (least[0], largest[0]), (least[1], largest[2])
@@ -182,17 +170,15 @@ def _parts(name: str, arrays: dict[str, xr.DataArray]) -> Iterator[ErrorPart]:
 
 def _total(parts: tuple[ErrorPart, ...], both: xr.DataArray | None) -> ErrorPart:
     """Return the interval that has all in it that is computed together."""
-    by_name = {part.name: part for part in parts}
-    left_out = [name for name in (_SURROGATE, _FORM) if name in by_name]
+    left_out = [each.name for each in parts if each.name.split()[0] in (_SURROGATE, _MODEL)]
     without = f"; without {' and '.join(left_out)}" if left_out else ""
     if both is not None:
         _, lower, upper = both.values.tolist()
-        total = ErrorPart(_TOTAL, lower, upper, f"{_TOTALS['both']}{without}")
+        total = ErrorPart(_TOTAL, lower, upper, f"{_ALL_TOGETHER}{without}")
         return total if total.is_known else total._replace(definition=estimate_remark(both))
-    known = (name for name in (_FITTED, _LIMITS, _SAMPLING) if name in by_name)
-    name = next(known, parts[0].name)
-    definition = f"{_TOTALS[name]}{without}" if by_name[name].is_known else parts[0].definition
-    return by_name[name]._replace(name=_TOTAL, definition=definition)
+    fitted = next(each for each in parts if each.name == _FITTED)
+    definition = f"{_TOGETHER}{without}" if fitted.is_known else fitted.definition
+    return fitted._replace(name=_TOTAL, definition=definition)
 
 
 def _bought(parts: tuple[ErrorPart, ...], known: list[float]) -> Iterator[ErrorPart]:

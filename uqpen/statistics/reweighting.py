@@ -20,7 +20,7 @@ from uqpen.distributions.distribution import OPEN_INTERVAL, Distribution
 from uqpen.distributions.input_group import InputGroup
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.distributions.univariate import Normal
-from uqpen.statistics.weights import effective_sizes, weighted_mean
+from uqpen.statistics.weights import effective_sizes
 
 # Rules, by their coverage in simulations (`docs/statistics.md`).
 
@@ -43,35 +43,6 @@ def has_enough_on_both_sides(weights: FloatArray, events: BoolArray) -> BoolArra
     """Check for enough effective runs with an event and without it, at any places."""
     sizes = effective_sizes(weights * events), effective_sizes(weights * ~events)
     return np.minimum(*sizes) >= ENOUGH_ON_A_SIDE
-
-
-def probability_is_known(weights: FloatArray, events: BoolArray) -> BoolArray:
-    """Check that weighted runs decide a probability, so that its interval covers.
-
-    The interval is `uqpen.statistics.weights.weighted_probability_interval`.
-
-    Parameters
-    ----------
-    weights : ndarray, shape (run,)
-        Of all runs; 0 for those that count for nothing.
-    events : ndarray of bool, shape (..., run)
-        At any places.
-
-    Returns
-    -------
-    ndarray of bool, shape (...)
-    """
-    is_enough = bool(effective_share(weights) >= LEAST_SHARE)
-    return has_enough_on_both_sides(weights, events) & is_enough
-
-
-def largest_part(values: FloatArray, weights: FloatArray) -> FloatArray:
-    """Largest part of one run in the variance of a weighted mean, shape (...) of (..., run)."""
-    deviations = weights * (values - weighted_mean(values, weights)[..., np.newaxis])
-    squares = deviations**2
-    total = squares.sum(axis=-1)
-    largest: FloatArray = squares.max(axis=-1, initial=0.0) / np.where(total > 0, total, 1.0)
-    return largest
 
 
 # The weights.

@@ -393,7 +393,7 @@ class IntervalBounds(Design):
 
     @property
     def _described(self) -> dict[str, str]:
-        """What has bounds, as attributes of the runs."""
+        """Events, means and quantiles that have bounds, as attributes of the runs."""
         quantiles = (
             f"{output} {each!r}" for output, of_it in self.quantiles.items() for each in of_it
         )

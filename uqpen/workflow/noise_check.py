@@ -56,7 +56,7 @@ _MOST, _SHARE = 29, 20
 
 
 class Grade(StrEnum):
-    """How much runs at the same inputs differ."""
+    """Grade of the difference between runs at the same inputs."""
 
     EQUAL = "equal bits"
     ROUNDING = "rounding"

@@ -223,7 +223,7 @@ class CorrectedMoments:
 
     @cached_property
     def variance_of_mean(self) -> CorrectedMean:
-        """The same of the mean given the inputs: without the noise of repeated runs."""
+        """Variance of the mean given the inputs, without the noise of repeated runs."""
         return replace(self.variance, influence=self.variance.influence - self.runs.noise)
 
     def mean(self) -> Estimate:

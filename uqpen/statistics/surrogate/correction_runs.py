@@ -137,7 +137,7 @@ class CorrectionRuns:
 
     @cached_property
     def q2_of_mean(self) -> float:
-        """The same of the mean given the inputs: without the noise of repeated runs."""
+        """Explained share of the variance of the mean given the inputs, without noise."""
         return _explained(self.means(), self.predictions, float(self.noise_of_means.mean()))
 
 
