@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from uqpen.core.catalogue import (
     BOUND_STATISTICS,
+    CALIBRATION_STATISTICS,
     CATALOGUE,
     FAILURE_STATISTICS,
     JOINT_STATISTICS,
@@ -16,6 +17,7 @@ from uqpen.core.catalogue import (
 from uqpen.core.labels import (
     BENCHMARK,
     BOUNDS_GROUP,
+    CALIBRATIONS,
     DIFFERENCES,
     FAILURES_GROUP,
     FILES,
@@ -107,6 +109,13 @@ GROUPS: Mapping[str, Group] = {
         writer="uqpen.workflow.model_groups:bound_statistics",
         tables="uqpen.results.found_bounds:bound_tables",
         json="uqpen.results.found_bounds:bound_json",
+        rank=1,
+    ),
+    CALIBRATIONS: Group(
+        levels=("design",),
+        statistics=CALIBRATION_STATISTICS,
+        writer="uqpen.workflow.model_groups:calibration_statistics",
+        tables="uqpen.results.calibrations:calibration_tables",
         rank=1,
     ),
     SURROGATES: Group(

@@ -443,7 +443,7 @@ def runs_not_kept(study: ValidatedStudy, archive: xr.DataTree) -> dict[str, str]
         return {}
     # Without trust, no code that the archive names is executed.
     table = TableReader(document, study.folder, trust=False, content=before).table("designs")
-    designs, _ = read_designs(table)
+    designs, _ = read_designs(table, study.measured)
     first = next(iter(model_trees(archive).values()))
     found = {}
     for name, settings in table.content.items():

@@ -20,6 +20,7 @@ from uqpen.core.labels import (
     BUDGET,
     BY_RUNS,
     CATEGORY,
+    COMBINATION,
     CONTENT_LEVEL,
     CONVERGENCE,
     CURVE,
@@ -33,6 +34,7 @@ from uqpen.core.labels import (
     INTERVAL_LABEL,
     LOWER_CONTENT,
     LOWER_THRESHOLD,
+    MINIMUM,
     MOMENTS,
     NOISE,
     NOTE,
@@ -41,6 +43,7 @@ from uqpen.core.labels import (
     OF_FIELD,
     OF_LOGARITHM,
     OF_MEAN,
+    OTHER_UNKNOWN,
     OUTPUT_SHARE,
     PAIR,
     PERCENT,
@@ -60,6 +63,7 @@ from uqpen.core.labels import (
     STATUS,
     TAILS,
     THRESHOLD,
+    UNKNOWN,
     VARIANT,
 )
 from uqpen.core.sampling import Sampling
@@ -903,6 +907,64 @@ BOUND_STATISTICS = _by_name(
     ]
 )
 
+# Statistics of a search for least squares, in SI units.
+_OF_FIT = {
+    "sum_of_squares": "sum of squares of the residuals, in their standard deviations",
+    "degrees_of_freedom": "number of residuals beyond that of the unknowns",
+    "fit_p_value": "probability of a larger sum of squares, if model and stated errors are right",
+    "residual_std": "standard deviation of a residual",
+    "residual_correlation": "lag-1 correlation of the residuals",
+    "largest_residual": "largest residual, in its standard deviation",
+    "next_step": "length of the next step, in standard errors",
+    "model_noise": "noise of the model, in standard deviations of a residual",
+    "difference_step": "first step of difference quotients, in standard deviations of the priors",
+}
+CALIBRATION_STATISTICS = _by_name(
+    [
+        *(Statistic(name, title, has_bounds=False) for name, title in _OF_FIT.items()),
+        Statistic(
+            "unknown_value",
+            "value of an unknown",
+            (UNKNOWN,),
+            note_is_of_estimate=True,
+            own=EntryDimension(UNKNOWN, "text"),
+        ),
+        Statistic("profile_value", "value of an unknown, by its profile likelihood", (UNKNOWN,)),
+        Statistic("standard_error", "standard error of an unknown", (UNKNOWN,), has_bounds=False),
+        Statistic(
+            "prior_std", "standard deviation of an unknown's prior", (UNKNOWN,), has_bounds=False
+        ),
+        Statistic(
+            "correlation",
+            "correlation of the estimates of two unknowns",
+            (UNKNOWN, OTHER_UNKNOWN),
+            has_bounds=False,
+            own=EntryDimension(OTHER_UNKNOWN, "text"),
+        ),
+        Statistic(
+            "combination_error",
+            "standard error of a combination of unknowns, in standard deviations of the priors",
+            (COMBINATION,),
+            has_bounds=False,
+            own=EntryDimension(COMBINATION, "count"),
+        ),
+        Statistic(
+            "combination_weight",
+            "weight of an unknown in a combination, in standard deviations of the priors",
+            (COMBINATION, UNKNOWN),
+            has_bounds=False,
+        ),
+        Statistic(
+            "minimum_sum_of_squares",
+            "sum of squares at a minimum",
+            (MINIMUM,),
+            has_bounds=False,
+            own=EntryDimension(MINIMUM, "count"),
+        ),
+        Statistic("minimum_value", "unknown at a minimum", (MINIMUM, UNKNOWN), has_bounds=False),
+    ]
+)
+
 # Shares of the variance over several models, which count the same.
 _MODEL_FORM_SHARES = [
     Statistic(name, title, shown=Shown(label))
@@ -975,6 +1037,7 @@ _ALL = (
     *FAILURE_STATISTICS.values(),
     *JOINT_STATISTICS.values(),
     *BOUND_STATISTICS.values(),
+    *CALIBRATION_STATISTICS.values(),
     *MODEL_FORM_STATISTICS.values(),
 )
 

@@ -8,7 +8,7 @@ import io
 import math
 import re
 import zipfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -84,15 +84,19 @@ class ColumnFile:
 
 
 def read_columns(
-    path: Path, labels: Mapping[str, Sequence[str]] | None = None, *, blanks: bool = False
+    path: Path,
+    labels: Mapping[str, Sequence[str]] | None = None,
+    *,
+    blanks: bool = False,
+    groups: Collection[str] = (),
 ) -> ColumnFile:
     """Read the columns of a file.
 
     They are the variables along one dimension of a NetCDF file, which ends in ``.nc``. Anything
     else is read as CSV under a row of headings ``name [unit]``, or as the first sheet of an Excel
-    file, which ends in ``.xlsx``. Columns with `labels` may have
-    these texts there; their positions are read. With `blanks`, an empty entry there is not a number
-    instead of a mistake.
+    file, which ends in ``.xlsx``. Columns with `labels` may have these texts there; their positions
+    are read. With `blanks`, an empty entry there is not a number instead of a mistake. Entries of
+    the columns `groups` are any texts, numbered from 0 in the order in which they first appear.
 
     TableError if it is not there, or cannot be read.
     """
@@ -103,7 +107,7 @@ def read_columns(
             columns = _netcdf(path, content)
         else:
             rows = _excel if path.suffix.lower() == ".xlsx" else _csv
-            columns = _columns(path, rows(path, content), labels or {}, blanks)
+            columns = _columns(path, rows(path, content), labels or {}, blanks, groups)
         return ColumnFile(FileSnapshot.from_content(path, content), columns)
     except FileNotFoundError:
         raise TableError(f'there is no file "{path}"') from None
@@ -172,6 +176,7 @@ def _columns(
     every: Iterator[tuple[int, list[str]]],
     labels: Mapping[str, Sequence[str]],
     blanks: bool,
+    groups: Collection[str],
 ) -> tuple[Column, ...]:
     """Return the columns of rows; the headings stand in the first."""
     lines = ((line, row) for line, row in every if any(map(str.strip, row)))
@@ -180,7 +185,7 @@ def _columns(
         raise TableError(f'"{path.name}" is empty')
     parts = [heading_parts(heading, f'"{path.name}"') for heading in header]
     entries = [
-        _Entries(position, tuple(labels.get(name, ())), blanks)
+        _Entries(position, labels.get(name, ()), blanks, is_group=name in groups)
         for position, (name, _) in enumerate(parts)
     ]
     while rows := list(islice(lines, _ROWS)):
@@ -200,8 +205,11 @@ def _columns(
 class _Entries:
     """Numbers of one column of a CSV file, up to the first entry that is none."""
 
-    def __init__(self, position: int, labels: Sequence[str], blanks: bool) -> None:
-        self._position, self._labels, self._blanks = position, labels, blanks
+    def __init__(
+        self, position: int, labels: Sequence[str], blanks: bool, *, is_group: bool
+    ) -> None:
+        self._position, self._labels, self._blanks = position, [*labels], blanks
+        self._is_group = is_group
         self._parts: list[FloatArray] = []
         self._wrong: tuple[int, str] | None = None
 
@@ -212,6 +220,8 @@ class _Entries:
         values = np.empty(len(rows))
         for place, (line, row) in enumerate(rows):
             text = row[self._position].strip()
+            if self._is_group and text not in self._labels:
+                self._labels.append(text)
             if text in self._labels:
                 values[place] = self._labels.index(text)
                 continue

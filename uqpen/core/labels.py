@@ -71,6 +71,16 @@ DENSITY_RATIO = "density_ratio"
 SEARCH_START = "search_start"
 SEARCH_ORIGIN = "search_origin"
 MOVED_AXIS = "moved_axis"
+# Of designs at measured experiments, coordinates: the number of the draw or of the searched point,
+# and that of the experiment; and an attribute: the sections of their measurements.
+DRAW = "draw"
+EXPERIMENT = "experiment"
+MEASURED = "measured"
+# Of least squares an attribute, the number of starts, and a coordinate: the point by whose results
+# the residuals are weighted (-1 for the measured values). The start of a run may also be the end of
+# a profile, behind the starts.
+SEARCH_STARTS = "search_starts"
+WEIGHTED_AT = "weighted_at"
 # Distance of a run from the median of all inputs, in standard normal space.
 NORMAL_DISTANCE = "normal_distance"
 # Of an input known by an interval: its ends, in the SI unit.
@@ -140,6 +150,7 @@ SURROGATE_RECIPE = "surrogate_recipe"
 RUNS = "runs"
 STATISTICS_GROUP = "statistics"
 FAILURES_GROUP = "failures"
+CALIBRATIONS = "calibrations"
 JOINT_GROUP = "joint_probabilities"
 BOUNDS_GROUP = "bounds"
 # Kind of a source (a design, a surrogate or a publication), and the citation of a publication.
@@ -337,6 +348,13 @@ EVENT = "event"
 SENSITIVITY_EVENT = "sensitivity_event"
 # A design point of a rare event, by its number; the nearest to the median comes first.
 DESIGN_POINT = "design_point"
+# An unknown of a fit to measurements, and the same as the second one of a pair.
+UNKNOWN = "unknown_input"
+OTHER_UNKNOWN = "other_unknown_input"
+# A combination of unknowns that is known independently of others, by its number.
+COMBINATION = "unknown_combination"
+# A minimum of the sum of squares, by its number; the lowest comes first.
+MINIMUM = "fit_minimum"
 # Dimension of the parts of an output's distribution, each by the probability below its middle.
 OUTPUT_SHARE = "output_share"
 # The same of the parts of an input's distribution.

@@ -28,6 +28,10 @@ class Sampling(StrEnum):
     TOWARDS_BOUNDS = "towards bounds"
     """Points over random inputs and intervals, then at the bounds that a search found; no sample.
     """
+    AT_EXPERIMENTS = "at experiments"
+    """Each draw with the conditions of every measured experiment; no sample of the inputs."""
+    TOWARDS_MEASUREMENTS = "towards measurements"
+    """Points that move towards the values with which a model fits measurements; no sample."""
     SEARCH_CURVES = "search curves"
     """Curves through the inputs' space, along which each input has a frequency; no sample."""
     FINITE_DIFFERENCES = "finite differences"

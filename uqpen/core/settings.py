@@ -365,6 +365,19 @@ def name(**options: Any) -> Any:
     return setting("name", "a name in quotes", accepts, **options)
 
 
+def names(**options: Any) -> Any:
+    """Declare names of other parts of the study, which a study file gives as a list."""
+
+    def accepts(value: Any) -> bool:
+        are_names = isinstance(value, tuple) and all(isinstance(each, str) for each in value)
+        return are_names and bool(value) and all(map(NAME.match, value))
+
+    def read(written: Any, context: Context) -> Any:
+        return tuple(written) if isinstance(written, list) else written
+
+    return setting("names", "a list of names in quotes", accepts, read, **options)
+
+
 def file(**options: Any) -> Any:
     """Declare a path; in a study file, it is relative to the folder of that file."""
 

@@ -17,6 +17,7 @@ DESIGNS = {
     "morris": "uqpen.designs.one_at_a_time:Morris",
     "one-at-a-time": "uqpen.designs.one_at_a_time:OneAtATime",
     "multifidelity": "uqpen.designs.multifidelity:Multifidelity",
+    "least-squares": "uqpen.designs.least_squares:LeastSquares",
     "interval-bounds": "uqpen.surrogates.interval_bounds:IntervalBounds",
     **{name: method.design for name, method in RARE_EVENT_METHODS.items()},
     "salib:fast_sampler": "uqpen.designs.salib_designs:FastSampler",

@@ -163,6 +163,9 @@ def repeat_problem(design: Design) -> tuple[str, str] | None:
     if design.sampling is Sampling.TOWARDS_BOUNDS:
         expected = "no repeats: runs at the bounds draw inputs and noise together, each once"
         return "repeats in a search for bounds", expected
+    if design.sampling in (Sampling.AT_EXPERIMENTS, Sampling.TOWARDS_MEASUREMENTS):
+        expected = "no repeats: each experiment has one run of each draw"
+        return "repeats of runs at experiments", expected
     if design.ends_early:
         expected = "a fixed number of points beside repeats"
         return "repeats of a design that decides its own number of runs", expected

@@ -139,6 +139,10 @@ SHORTFALL_OVER_REPLICATES = (
 SHORTFALL_MAY_NOT_EXIST = "heavy tail ({runs:.1f} effective runs): the mean may not exist"
 FEW_BEYOND_QUANTILE = "fewer than ten runs lie on one side of the quantile"
 
+LINEAR_REPEATS = (
+    "Student t with {freedom} degrees of freedom, by the linear model at the minimum and the "
+    "scatter of repeats"
+)
 PROFILE_LIKELIHOOD = (
     "profile likelihood of generalised Pareto tails, over all thresholds that fit, as of "
     "independent draws"
@@ -456,3 +460,21 @@ NO_POLYNOMIAL_OF_BOX = "no bounds: no polynomial could be fitted to the runs of 
 PUBLISHED = "published in {source}"
 PUBLISHED_NOISE = "scatter of {runs} independent runs as seen here, and the rounding of the print"
 PUBLISHED_ROUNDING = "rounding of the print"
+
+# Unknowns from measurements.
+LINEAR_NORMAL = "normal, by the linear model at the minimum and the stated errors"
+LINEAR_STUDENT = "Student t, by the linear model at the minimum and the scatter of the residuals"
+LINEAR_REPEATS = (
+    "Student t with {freedom} degrees of freedom, by the linear model at the minimum and the "
+    "scatter of repeats"
+)
+PROFILE_LIKELIHOOD = "profile likelihood"
+NOT_TAUGHT = "the measurements do not determine it: see the combinations"
+NOT_CONVERGED = "not converged: the next step is {step:.1g} standard errors"
+OTHER_MINIMA = "another minimum is nearly as low: see the minima"
+BENT = "the model is not linear over this interval: that of the profile holds as often as it says"
+NO_PROFILE_ASKED = "no profile was asked for"
+NO_PROFILE_END = (
+    "no end of the profile was found: it is flat, leaves the support, or runs fail on the way"
+)
+NO_PROFILE_BUDGET = "profiles need more runs than at_most = {runs}"

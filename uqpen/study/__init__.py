@@ -70,6 +70,8 @@ SECTIONS: Mapping[str, Section] = {
         reader="uqpen.study.outputs_section:read_joint_probabilities",
         field="joint_events",
     ),
+    # Experiments that the model is compared with; designs refer to them.
+    "measured": Section(field="measured", lines="uqpen.study.measured_section:role_lines", rank=5),
     "designs": Section(
         expected="at least one [designs.<name>]", lines="uqpen.study.summary:design_lines", rank=3
     ),
@@ -89,6 +91,7 @@ class SectionArguments(TypedDict, total=False):
 
     sweep: Mapping[str, object] | None
     joint: Mapping[str, object] | None
+    measured: Mapping[str, object] | None
     joint_probabilities: Mapping[str, object] | None
     surrogates: Mapping[str, object] | None
     published: Mapping[str, object] | None

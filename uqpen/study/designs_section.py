@@ -7,10 +7,16 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 
 from uqpen.core.errors import TableError, toml_text
-from uqpen.core.labels import POINT, REPEAT
+from uqpen.core.labels import MEASURED, POINT, REPEAT
 from uqpen.core.lookup import family_name
 from uqpen.core.sampling import Sampling
 from uqpen.designs import DESIGNS
+from uqpen.designs.at_experiments import (
+    AtSetting,
+    DesignAtExperiments,
+    MeasuredDesign,
+    at_problem,
+)
 from uqpen.designs.data import DataDesign, TableDesign
 from uqpen.designs.design import Design, UnloadedDesign
 from uqpen.designs.rare_events import RARE_EVENT_METHODS
@@ -25,6 +31,7 @@ from uqpen.distributions.input_group import ConditionalGroup
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.distributions.unknowns import MOST_INTERVALS
 from uqpen.execution import FailurePolicy
+from uqpen.measurements import Experiments, MeasuredOutputs
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.study.study import Variant, family_costs
 from uqpen.study.table_reader import (
@@ -62,8 +69,12 @@ _RULES = {
 _MOST_DESIGNS = 500
 
 
-def read_designs(table: TableReader) -> tuple[dict[str, Design], dict[str, Files]]:
+def read_designs(
+    table: TableReader, measured: Mapping[str, MeasuredOutputs | None]
+) -> tuple[dict[str, Design], dict[str, Files]]:
     """Read the designs of a study; invalid ones are noted and left out.
+
+    Those that refer to measurements get them; None stands for those with a mistake.
 
     Returns
     -------
@@ -78,6 +89,7 @@ def read_designs(table: TableReader) -> tuple[dict[str, Design], dict[str, Files
         return {}, {}
     for name, section in named_tables(table):
         repeats = section.settings(Repeats) or Repeats()
+        at = section.settings(AtSetting) or AtSetting()
         design, _, loaded = read_kind(
             section,
             DESIGN,
@@ -86,14 +98,41 @@ def read_designs(table: TableReader) -> tuple[dict[str, Design], dict[str, Files
             partial(_refuse_rules, section),
         )
         if design is not None:
-            designs[name], files[name] = design, loaded
-            if repeats.repeats > 1 and (problem := repeat_problem(design)):
+            designs[name], files[name] = _bound(section, design, at.at, measured), loaded
+            if repeats.repeats > 1 and (problem := repeat_problem(designs[name])):
                 section.add_problem(REPEATS, *problem)
             elif repeats.repeats > 1:
                 designs[name] = RepeatedDesign(design, repeats.repeats)
     if table.is_given and not table.content:
         table.add_problem((), "no design", f"a [designs.<name>] of kind {', '.join(DESIGNS)}")
     return designs, files
+
+
+def _bound(
+    section: TableReader,
+    design: Design,
+    at: str | None,
+    measured: Mapping[str, MeasuredOutputs | None],
+) -> Design:
+    """Return a design with the measurements that it names; note those that a study has not."""
+    names = {MEASURED: getattr(design, MEASURED, ())} if at is None else {"at": (at,)}
+    for key, wanted in names.items():
+        for each in wanted:
+            if each not in measured:
+                expected = f"a [measured.<name>]; {section.suggest(each, measured)}"
+                section.add_wrong(key, each, expected)
+                return design
+    ((_, wanted),) = names.items()
+    experiments = Experiments(tuple(each for name in wanted if (each := measured[name])))
+    if len(experiments.sections) < len(wanted):
+        return design
+    if at is None:
+        is_compared = isinstance(design, MeasuredDesign) and bool(wanted)
+        return dataclasses.replace(design, experiments=experiments) if is_compared else design  # type: ignore[type-var]
+    if problem := at_problem(design):
+        section.add_problem("at", *problem)
+        return design
+    return DesignAtExperiments(design, experiments)
 
 
 def _refuse_rules(table: TableReader, design: type) -> None:

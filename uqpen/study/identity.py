@@ -38,7 +38,7 @@ from uqpen.study.user_defined_members import (
 from uqpen.surrogates.refinement import RefinedDesign
 
 # Sections that determine the points of every design. The title does not, nor what is asked of the
-# runs, nor what they are held against.
+# runs, nor what they are compared with.
 POINT_TABLES = tuple(key for key, section in SECTIONS.items() if section.determines_points)
 
 
@@ -232,6 +232,9 @@ def run_fingerprint(study: ValidatedStudy, model: str, design: str) -> dict[str,
         is_kept = table.get("keep") in (RUNS, STATISTICS)
         own = {key: table[key] for key in table if not (is_kept and key == "keep")}
         tables["designs"] = {design: own}
+    wanted = getattr(study.designs[design], "experiments", None)
+    if wanted is not None and wanted.sections:
+        tables["measured"] = {each.name: content["measured"][each.name] for each in wanted.sections}
     if isinstance(refined := study.designs[design], RefinedDesign):
         tables["surrogates"] = {refined.name: content["surrogates"][refined.name]}
         tables["outputs"] = content.get("outputs", {})

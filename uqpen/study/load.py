@@ -26,6 +26,7 @@ from uqpen.designs.one_at_a_time import OneAtATime
 from uqpen.designs.repeated import each_point_once
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.execution import FailurePolicy
+from uqpen.measurements import MeasuredOutputs
 from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.published import Publication, Reading
 from uqpen.study import SECTIONS
@@ -49,6 +50,7 @@ from uqpen.study.designs_section import (
 from uqpen.study.document import Document, Objects, parse_document, read_document
 from uqpen.study.inputs_section import read_constraints, read_inputs
 from uqpen.study.joint_section import Inputs, read_dependence, read_groups
+from uqpen.study.measured_section import check_roles, read_measured
 from uqpen.study.model_section import (
     check_stand_ins,
     check_sweep,
@@ -174,7 +176,9 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
         for key, section in SECTIONS.items()
         if section.settings and tables[key].is_given
     }
-    methods = _read_methods(tables, model if are_models_whole else None)
+    sections = read_measured(tables["measured"], model if are_models_whole else None)
+    measured = {key: each for key, each in sections.items() if each is not None}
+    methods = _read_methods(tables, model if are_models_whole else None, sections)
     inputs, joint, is_clear = _read_joint(
         root, tables, model, models, methods.designs, heading.seed
     )
@@ -187,7 +191,7 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
         plan = plan_budget(root, budget, joint, models, is_constrained=bool(constraints))
         for key in ("designs", "surrogates"):
             tables[key] = root.inside(plan.section(key), key)
-        methods = _read_methods(tables, model if are_models_whole else None)
+        methods = _read_methods(tables, model if are_models_whole else None, sections)
     designs, surrogates = methods.designs, methods.surrogates
     sources = frozenset({*tables["designs"], *tables["surrogates"]})
     parts = StudyParts(model, sources, heading.confidence_level)
@@ -200,6 +204,7 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
     check_variants(root, models, {entry.variable.name for entry in joint.random})
     check_surrogates(tables["surrogates"], surrogates, designs, model, joint if is_clear else None)
     if is_clear:
+        check_roles(tables["measured"], measured, joint)
         check_designs(tables["designs"], designs, joint)
         check_analyses(root, analyses, joint)
     check_stand_ins(root, models)
@@ -233,6 +238,7 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
         confidence_level=heading.confidence_level,
         plan=tuple(each.text for each in plan.tables),
         left_out=heading.left_out,
+        measured=measured,
         swept=tuple(tables["sweep"]),
         **fields,
     )
@@ -247,9 +253,13 @@ class _Methods(NamedTuple):
     surrogate_origins: dict[str, SurrogateOrigin]
 
 
-def _read_methods(tables: Mapping[str, TableReader], model: Model | None) -> _Methods:
+def _read_methods(
+    tables: Mapping[str, TableReader],
+    model: Model | None,
+    measured: Mapping[str, MeasuredOutputs | None],
+) -> _Methods:
     """Read the designs and surrogates; designs of a data file get their runs from the model."""
-    designs, modules = read_designs(tables["designs"])
+    designs, modules = read_designs(tables["designs"], measured)
     surrogates, origins = read_surrogates(tables["surrogates"], list(tables["designs"]))
     if model is not None:
         designs = bind_designs(tables["designs"], designs, model)

@@ -18,6 +18,7 @@ from uqpen.core.labels import (
     DIFFERENCES,
     LARGEST_CONTRIBUTION,
     MAGNITUDES,
+    MEASURED,
     MODEL_FORM,
     REPEATS,
     RUN,
@@ -237,6 +238,19 @@ def bound_statistics(study: ValidatedStudy, runs: xr.Dataset) -> OutputStatistic
     from uqpen.statistics.interval_bounds import event_bounds
 
     return event_bounds(runs, study.confidence_level)
+
+
+def calibration_statistics(study: ValidatedStudy, runs: xr.Dataset) -> OutputStatistics:
+    """Return what a search for least squares says of the unknowns; none of another design."""
+    if runs.attrs[SAMPLING] != Sampling.TOWARDS_MEASUREMENTS:
+        return {}
+    from uqpen.designs.least_squares import LeastSquares
+    from uqpen.statistics.calibration import fit_statistics
+
+    designs = (each for each in study.designs.values() if isinstance(each, LeastSquares))
+    design = next(each for each in designs if each.experiments.name == runs.attrs[MEASURED])
+    with one_blas_thread():
+        return dict(fit_statistics(design, study.joint, runs, study.confidence_level))
 
 
 def _publication_groups(publication: Publication, path: str, runs: Runs, level: float) -> Groups:

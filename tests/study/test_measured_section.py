@@ -1,0 +1,107 @@
+"""``[measured]``: each mistake with its key, what was found and what is expected."""
+
+import pytest
+
+from tests.test_measurements import LINE, MODEL
+from uqpen.core.errors import StudyError
+from uqpen.study.load import parse_study
+from uqpen.study.measured_section import role_lines
+
+
+def refused(tmp_path, text):
+    (tmp_path / "line.py").write_text(MODEL)
+    with pytest.raises(StudyError) as caught:
+        parse_study(text, folder=tmp_path)
+    return [str(each) for each in caught.value.problems]
+
+
+TABLE = "x = [0, 1, 2, 3]\ny = [1.1, 2.9, 5.2, 6.8]"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('unknown = ["a", "b"]', 'unknown = ["a"]', "found nothing of b; expected each among cond"),
+        (
+            'unknown = ["a", "b"]',
+            'unknown = ["a", "b"]\nfixed = ["a"]',
+            "line.fixed: found a, which is among unknown, too",
+        ),
+        (
+            'unknown = ["a", "b"]',
+            'unknown = ["a", "c"]',
+            'line.unknown: found "c"; expected an input of',
+        ),
+        (
+            'unknown = ["a", "b"]',
+            'unknown = ["a"]\nconditions = ["b"]',
+            'found no column "b" in its file',
+        ),
+        ('correlation = "none"', "", "y.correlation: found nothing; expected { x ="),
+        (
+            'correlation = "none"',
+            "correlation = { t = 3 }",
+            "correlation: found a table; expected { x =",
+        ),
+        ("std = 0.2", "", "y.std: found nothing; expected the standard deviation of an error"),
+        ("std = 0.2", "std = 0", "y.std: found 0; expected a standard deviation above 0"),
+        ("std = 0.2", 'std = "sdd"', 'y.std: found "sdd"; expected the standard deviation'),
+        (
+            "std = 0.2",
+            'std = "repeats"',
+            'y.std: found "repeats" with 0 repeats; expected at least 5',
+        ),
+        (
+            "std = 0.2",
+            'std = 0.2\nat_least = "x"',
+            'y.at_least: found "x"; expected a column of 0 and 1',
+        ),
+        (
+            "std = 0.2",
+            'std = 0.2\nshared = { std = 1, group = "rg" }',
+            'shared.group: found "rg"; expected a column',
+        ),
+        ("std = 0.2", 'covariance = "none.csv"', "y.covariance: found there is no file"),
+        ("std = 0.2", "std = 0.2\nstdd = 3", "y.stdd: found an unknown key"),
+        (
+            "x = [0, 1, 2, 3]",
+            "x = [0, 1, 2, 7]",
+            "found x 7 1 in row 4; expected places from 0 to 5",
+        ),
+        ("x = [0, 1, 2, 3]", "x = [0, 1, 2]", "line.table: found its columns differ in length"),
+        (
+            "[measured.line.y]",
+            "[measured.line.z]",
+            "line.z: found an unknown key, nor an output of the model",
+        ),
+        (
+            'measured = ["line"]',
+            'measured = ["lime"]',
+            'fit.measured: found "lime"; expected a [measured.<name>]',
+        ),
+        (
+            'kind = "least-squares"\nmeasured = ["line"]',
+            'kind = "saltelli"\nbase = 64\nat = "line"',
+            "fit.at: found runs at experiments of a design that is no sample",
+        ),
+        (
+            'measured = ["line"]',
+            'measured = ["line"]\nrepeats = 2',
+            "fit.repeats: found repeats of runs at experiments",
+        ),
+    ],
+)
+def test_a_mistake_is_told_before_any_run(tmp_path, old, new, message):
+    assert old in LINE
+    assert any(message in each for each in refused(tmp_path, LINE.replace(old, new)))
+
+
+def test_one_mistake_in_the_measurements_is_one_message(tmp_path):
+    assert len(refused(tmp_path, LINE.replace("std = 0.2", "std = 0"))) == 1
+    assert len(refused(tmp_path, LINE.replace("line.py:line", "line.py:lin"))) == 1
+
+
+def test_each_input_is_listed_with_its_role(tmp_path):
+    (tmp_path / "line.py").write_text(MODEL)
+    found = list(role_lines(parse_study(LINE, folder=tmp_path)))
+    assert found == ["measured line: 1 experiments, 4 values; unknown a, b"]

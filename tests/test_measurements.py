@@ -1,0 +1,212 @@
+"""Measurements: covariance and likelihood against exact answers, places, repeats, rows by value."""
+
+import numpy as np
+import pytest
+from scipy import integrate, stats
+
+from uqpen.measurements import Experiments
+from uqpen.study.load import parse_study
+
+LINE = """seed = 1
+[model]
+python = "line.py:line"
+[model.dimensions.x]
+values = [0, 1, 2, 3, 5]
+unit = "1"
+[model.inputs]
+a = "1"
+b = "1"
+[model.outputs.y]
+unit = "1"
+along = ["x"]
+[inputs]
+a = { normal = { mean = 0, std = 10 } }
+b = { normal = { mean = 0, std = 10 } }
+[measured.line]
+unknown = ["a", "b"]
+[measured.line.table]
+x = [0, 1, 2, 3]
+y = [1.1, 2.9, 5.2, 6.8]
+[measured.line.y]
+std = 0.2
+correlation = "none"
+[designs.fit]
+kind = "least-squares"
+measured = ["line"]
+"""
+MODEL = "def line(a, b):\n    return {'y': [a + b * x for x in (0, 1, 2, 3, 5)]}\n"
+
+
+def measured(tmp_path, text=LINE, **files):
+    """Return the measurements of a study with one section."""
+    (tmp_path / "line.py").write_text(MODEL)
+    for name, content in files.items():
+        (tmp_path / f"{name}.csv").write_text(content)
+    return Experiments(tuple(parse_study(text, folder=tmp_path).measured.values()))
+
+
+def posterior_of_line(found):
+    """Return the exact posterior of a line with wide normal priors, and the log evidence."""
+    x, y = np.arange(4.0), found.values
+    covariance = found.covariance(y)
+    design = np.column_stack([np.ones(4), x])
+    weights = np.linalg.inv(covariance)
+    inverse = np.linalg.inv(design.T @ weights @ design + np.eye(2) / 100)
+    whole = covariance + 100 * design @ design.T
+    evidence = stats.multivariate_normal(np.zeros(4), whole).logpdf(y)
+    return inverse @ design.T @ weights @ y, np.sqrt(np.diag(inverse)), evidence
+
+
+def test_the_line_with_independent_errors_has_its_exact_posterior(tmp_path):
+    mean, std, evidence = posterior_of_line(measured(tmp_path))
+    assert mean == pytest.approx([1.0899276173, 1.9399755933], abs=1e-9)
+    assert std == pytest.approx([0.1673042830, 0.0894310946], abs=1e-9)
+    assert evidence == pytest.approx(-7.6098524711, abs=1e-9)
+
+
+def test_an_error_that_all_rows_share_widens_the_offset_alone(tmp_path):
+    text = LINE.replace("std = 0.2\n", "std = 0.2\nshared = { std = 0.3 }\n")
+    mean, std, evidence = posterior_of_line(measured(tmp_path, text))
+    assert mean == pytest.approx([1.0889478386, 1.9399754757], abs=1e-9)
+    assert std == pytest.approx([0.3433066961, 0.0894311019], abs=1e-9)
+    assert evidence == pytest.approx(-7.6102968019, abs=1e-9)
+
+
+def bounds(tmp_path):
+    text = LINE.replace('unknown = ["a", "b"]', 'unknown = ["a"]\nfixed = ["b"]')
+    text = text.replace(
+        "x = [0, 1, 2, 3]\ny = [1.1, 2.9, 5.2, 6.8]", "x = [0, 0]\ny = [0.8, 1.0]\nabove = [0, 1]"
+    )
+    return measured(tmp_path, text.replace("std = 0.2", 'std = 0.5\nat_least = "above"'))
+
+
+def test_a_bound_counts_by_the_probability_beyond_it(tmp_path):
+    found = bounds(tmp_path)
+
+    def density(theta):
+        inside = found.log_likelihood(np.full((1, 2), theta))[0]
+        return np.exp(inside) * stats.norm.pdf(theta)
+
+    evidence, _ = integrate.quad(density, -8, 8, epsabs=1e-13)
+    mean, _ = integrate.quad(lambda theta: theta * density(theta) / evidence, -8, 8)
+    assert np.log(evidence) == pytest.approx(-2.50474257, abs=1e-8)
+    assert mean == pytest.approx(0.98823061, abs=1e-8)
+    # The squares of residuals are the same, but for a constant.
+    (residuals,) = found.likelihood(found.covariance(found.values)).residuals(np.full((1, 2), 0.4))
+    tail = stats.norm.sf((1 - 0.4) / 0.5)
+    assert residuals == pytest.approx([(0.4 - 0.8) / 0.5, np.sqrt(-2 * np.log(tail))])
+
+
+def test_an_error_of_unknown_size_has_its_exact_evidence(tmp_path):
+    text = LINE.replace('unknown = ["a", "b"]', 'unknown = ["a"]\nfixed = ["b"]')
+    text = text.replace(
+        "x = [0, 1, 2, 3]\ny = [1.1, 2.9, 5.2, 6.8]",
+        "x = [0, 0, 0, 0, 0]\ny = [4.1, 5.0, 3.7, 4.6, 5.3]",
+    )
+    found = measured(tmp_path, text.replace("std = 0.2", "std = { half-normal = 1 }"))
+    assert [each.scale for each in found.sizes] == [1.0]
+    sigma = np.linspace(1e-3, 6, 4001)[1:]
+    theta = np.linspace(0, 9, 801)
+    grid = np.array(np.meshgrid(sigma, theta, indexing="ij")).reshape(2, -1)
+    # The likelihood in closed form of sums, checked against the one of uqpen at three points.
+    y = found.values
+    squares = ((y[:, np.newaxis] - grid[1]) ** 2).sum(axis=0)
+    log_likelihood = -2.5 * np.log(2 * np.pi) - 5 * np.log(grid[0]) - squares / (2 * grid[0] ** 2)
+    chosen = [10_000, 700_000, 2_000_000]
+    own = found.log_likelihood(
+        np.repeat(grid[1][chosen][:, np.newaxis], 5, axis=1), grid[0][chosen][:, np.newaxis]
+    )
+    assert own == pytest.approx(log_likelihood[chosen], rel=1e-12)
+    prior = stats.halfnorm.pdf(grid[0]) * stats.norm.pdf(grid[1], 0, 10)
+    step = (sigma[1] - sigma[0]) * (theta[1] - theta[0])
+    assert np.log((np.exp(log_likelihood) * prior).sum() * step) == pytest.approx(
+        -9.06203033, abs=2e-4
+    )
+
+
+def test_shares_are_of_the_value_of_the_model(tmp_path):
+    found = measured(tmp_path, LINE.replace("std = 0.2", 'std = [0.3, "10 %"]'))
+    at = np.array([4.0, 0.0, 2.0, 1.0])
+    assert found.covariance(at) == pytest.approx(np.diag([0.25, 0.09, 0.13, 0.1]))
+    (value,) = found.log_likelihood(at[np.newaxis])
+    exact = stats.norm.logpdf(found.values, at, np.sqrt([0.25, 0.09, 0.13, 0.1])).sum()
+    assert value == pytest.approx(exact)
+    assert np.isnan(found.log_likelihood(np.array([[1.0, np.nan, 1, 1]]))).all()
+
+
+def test_places_between_coordinates_are_linear(tmp_path):
+    text = LINE.replace(
+        "x = [0, 1, 2, 3]\ny = [1.1, 2.9, 5.2, 6.8]", "x = [4.5, 5, 0]\ny = [1, 1, 1]"
+    )
+    ((_, output),) = measured(tmp_path, text).outputs
+    curve = np.array([[[7.0, 1, 2, 4, 8]]])
+    assert output.predicted(curve) == pytest.approx(np.array([[7.0, 8.0, 7.0]]))
+
+
+def test_errors_along_a_curve_are_correlated_by_their_distance(tmp_path):
+    found = measured(tmp_path, LINE.replace('"none"', "{ x = 2 }"))
+    assert found.covariance(found.values)[0] / 0.04 == pytest.approx(np.exp([0, -0.5, -1, -1.5]))
+
+
+ROWS = "x,y,above,rig,sd\n0,1.1,0,left,0.1\n1,,0,left,0.1\n1,2.9,0,right,0.2\n1,3.1,0,right,0.2\n"
+
+
+def from_file(tmp_path, rows, *, std='"sd"', key=""):
+    text = LINE.replace("[measured.line.table]\nx = [0, 1, 2, 3]\ny = [1.1, 2.9, 5.2, 6.8]\n", "")
+    text = text.replace('unknown = ["a", "b"]', f'file = "rows.csv"\nunknown = ["a", "b"]\n{key}')
+    return measured(tmp_path, text.replace("std = 0.2", f"std = {std}"), rows=rows)
+
+
+def test_blank_entries_were_not_measured_and_groups_may_be_words(tmp_path):
+    found = from_file(tmp_path, ROWS, std='"sd"\nshared = { std = 0.5, group = "rig" }')
+    assert found.values.tolist() == [1.1, 2.9, 3.1]
+    exact = [[0.26, 0, 0], [0, 0.29, 0.25], [0, 0.25, 0.29]]
+    assert found.covariance(found.values) == pytest.approx(np.array(exact))
+    ((_, output),) = found.outputs
+    assert output.lines.tolist() == [1, 3, 4]
+
+
+def test_rows_are_known_by_value_in_another_order(tmp_path):
+    (one,) = from_file(tmp_path, ROWS).sections
+    head, *rows = ROWS.splitlines()
+    changed = "\n".join([head, *reversed(rows)]).replace("2.9", "2.9000001").replace("3.1", "3.2")
+    (other,) = from_file(tmp_path, changed + "\n").sections
+    assert len({*one.row_hashes} & {*other.row_hashes}) == 2
+
+
+def test_repeats_give_the_size_of_an_error(tmp_path):
+    lines = [
+        f"{x},{y},0,a,1"
+        for x, y in zip([0] * 3 + [1] * 3 + [2] * 2, [1, 2, 3, 4, 6, 8, 5, 7], strict=True)
+    ]
+    found = from_file(tmp_path, "\n".join(["x,y,above,rig,sd", *lines]) + "\n", std='"repeats"')
+    assert found.freedom == 5
+    assert np.diag(found.covariance(found.values)) == pytest.approx(np.full(8, (2 + 8 + 2) / 5))
+
+
+def test_a_covariance_comes_from_a_file(tmp_path):
+    matrix = "1,2,3\n0.26,0,0\n0,0.29,0.25\n0,0.25,0.29\n"
+    text = 'covariance = "matrix.csv"'
+    (tmp_path / "matrix.csv").write_text(matrix)
+    found = from_file(tmp_path, ROWS, std="0.2").sections  # the file is read whole
+    assert len(found[0].outputs[0].values) == 3
+    own = LINE.replace("[measured.line.table]\nx = [0, 1, 2, 3]\ny = [1.1, 2.9, 5.2, 6.8]\n", "")
+    own = own.replace('unknown = ["a", "b"]', 'file = "rows.csv"\nunknown = ["a", "b"]')
+    found = measured(tmp_path, own.replace("std = 0.2", text), rows=ROWS)
+    assert found.covariance(found.values)[1, 2] == 0.25
+
+
+@pytest.mark.parametrize(("key", "count"), [("", 2), ('experiment = "shot"\n', 3)])
+def test_rows_of_equal_conditions_are_one_experiment_unless_a_column_tells_them_apart(
+    tmp_path, key, count
+):
+    text = LINE.replace('unknown = ["a", "b"]', f'conditions = ["b"]\nunknown = ["a"]\n{key}')
+    text = text.replace(
+        "x = [0, 1, 2, 3]\ny = [1.1, 2.9, 5.2, 6.8]",
+        "b = [1, 1, 2]\nshot = [1, 2, 3]\nx = [0, 1, 2]\ny = [1, 2, 3]",
+    )
+    found = measured(tmp_path, text)
+    assert found.count == count
+    inputs = found.inputs({"a": np.array([5.0, 6.0])}, {"a": 0.0, "b": 0.0})
+    assert inputs["a"].tolist() == [5.0] * count + [6.0] * count
+    assert inputs["b"].tolist() == [1.0, 2.0] * 2 if count == 2 else [1.0, 1.0, 2.0] * 2

@@ -1,0 +1,484 @@
+"""Measurements of a model's outputs: experiments, their errors, and how well results fit them."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import product
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import scipy
+
+from uqpen.core.arrays import Arrays, FloatArray, IntArray
+from uqpen.core.files import FileSnapshot
+from uqpen.core.variables import Output
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+# Errors of measurement.
+
+
+@dataclass(frozen=True)
+class UnknownSize:
+    """Standard deviation of measurements that is not known, but for a half-normal prior."""
+
+    name: str
+    scale: float  # of the half-normal distribution, in the SI unit of the output
+
+
+@dataclass(frozen=True, eq=False)
+class MeasurementErrors:
+    """Errors of the measurements of one output, in SI units; all are normal.
+
+    The standard deviation of an error is that of all its independent parts together, along a curve
+    maybe with a correlation; shared parts are the same in all rows of a group.
+    """
+
+    std: FloatArray  # (row,): the part that is stated as a quantity
+    share: FloatArray  # (row,): the part that is a share of the model's value
+    # Of its size, if that is unknown; then `std` and `share` are beside it.
+    size: UnknownSize | None = None
+    shared_std: FloatArray | None = None  # (row,): the same of the part that rows of a group share
+    shared_share: FloatArray | None = None
+    group: IntArray | None = None  # (row,): number of the group
+    # Length over which errors along a dimension are correlated, exponentially; by dimension.
+    lengths: Mapping[str, float] = field(default_factory=dict)
+    matrix: FloatArray | None = None  # (row, row): the covariance of all rows, in place of the rest
+    freedom: float = math.inf  # degrees of freedom of a size that follows from repeats
+
+    @property
+    def depends_on_model(self) -> bool:
+        """True if they depend on what the model returns."""
+        shared = self.shared_share is not None and bool(self.shared_share.any())
+        return self.matrix is None and (shared or bool(self.share.any()))
+
+    def covariance(self, predicted: FloatArray, size: float, correlation: FloatArray) -> FloatArray:
+        """Return the covariance of the errors, shape (row, row).
+
+        Parameters
+        ----------
+        predicted : ndarray, shape (row,)
+            Results of the model.
+        size : float
+            The unknown standard deviation, 0 where there is none.
+        correlation : ndarray, shape (row, row)
+            Correlation of the independent part.
+        """
+        if self.matrix is not None:
+            return self.matrix
+        own = np.sqrt(self.std**2 + (self.share * predicted) ** 2 + size**2)
+        found: FloatArray = correlation * np.outer(own, own)
+        if self.group is not None and self.shared_std is not None:
+            assert self.shared_share is not None
+            shared = np.sqrt(self.shared_std**2 + (self.shared_share * predicted) ** 2)
+            found = found + np.outer(shared, shared) * np.equal.outer(self.group, self.group)
+        return found
+
+
+# What was measured.
+
+AT_LEAST, EXACTLY, AT_MOST = 1, 0, -1
+"""Censoring of a row: its entry is a bound from below, a value, a bound from above."""
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredOutput:
+    """Experiments of one output: a row for each value that is not blank."""
+
+    output: Output
+    experiment: IntArray  # (row,): number of the experiment
+    places: Mapping[str, FloatArray]  # coordinate of each row along each dimension of the output
+    values: FloatArray  # (row,): in SI units
+    censoring: IntArray  # (row,): `AT_LEAST`, `EXACTLY` or `AT_MOST`
+    lines: IntArray  # (row,): number of the row in the file, from 1
+    errors: MeasurementErrors
+
+    def predicted(self, results: FloatArray) -> FloatArray:
+        """Return the results at the rows, linear between declared coordinates.
+
+        Parameters
+        ----------
+        results : ndarray, shape (draw, experiment, *dims)
+            In SI units.
+
+        Returns
+        -------
+        ndarray, shape (draw, row)
+            NaN where a run failed, or a curve has ended.
+        """
+        corners: list[list[tuple[IntArray, Any]]] = []
+        for dimension in self.output.dims:
+            along = np.array(dimension.values)
+            if len(along) == 1:
+                corners.append([(np.zeros(len(self.values), dtype=np.int64), 1.0)])
+                continue
+            at = self.places[dimension.name]
+            left = np.clip(np.searchsorted(along, at, side="right") - 1, 0, len(along) - 2)
+            part = (at - along[left]) / (along[left + 1] - along[left])
+            corners.append([(left, 1 - part), (left + 1, part)])
+        total = np.zeros((len(results), len(self.values)))
+        for corner in product(*corners):
+            weight = np.ones(len(self.values))
+            for _, each in corner:
+                weight = weight * each
+            at_places: tuple[Any, ...] = tuple(place for place, _ in corner)
+            entries = results[(slice(None), self.experiment, *at_places)]
+            # A place with the weight 0 may be behind the end of a curve.
+            total += np.where(weight == 0, 0.0, entries * weight)
+        return total
+
+    @cached_property
+    def correlation(self) -> FloatArray:
+        """Correlation of the independent errors, shape (row, row)."""
+        rows = len(self.values)
+        if not self.errors.lengths:
+            return np.eye(rows)
+        distance = np.zeros((rows, rows))
+        for name, length in self.errors.lengths.items():
+            distance += np.abs(np.subtract.outer(self.places[name], self.places[name])) / length
+        same = np.equal.outer(self.experiment, self.experiment)
+        return np.where(same, np.exp(-distance), 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredOutputs:
+    """A section ``[measured.<name>]``: experiments, and what was measured in each.
+
+    Rows of equal conditions are one experiment. Its values are in SI units.
+    """
+
+    name: str
+    unknown: tuple[str, ...]  # inputs that have one value, which the measurements teach
+    varies: tuple[str, ...]  # inputs that have another value in each experiment
+    fixed: tuple[str, ...]  # random inputs that are held at their medians
+    conditions: Mapping[str, FloatArray]  # (experiment,): inputs that are known for each
+    condition_std: Mapping[str, FloatArray]  # (experiment,): of those that have an error
+    outputs: tuple[MeasuredOutput, ...]
+    experiments: int
+    source: str = ""  # where they were published
+    file: FileSnapshot | None = None
+
+    @property
+    def row_hashes(self) -> list[str]:
+        """Hashes of its rows by value, so that the same data are known in another file or order."""
+        found = []
+        for each in self.outputs:
+            for row, value in enumerate(each.values):
+                at = each.experiment[row]
+                numbers = {name: values[at] for name, values in self.conditions.items()}
+                numbers |= {name: values[row] for name, values in each.places.items()}
+                parts = [f"{name}={numbers[name]:.5e}" for name in sorted(numbers)]
+                text = ";".join([each.output.name, *parts, f"{each.censoring[row]}{value:.5e}"])
+                found.append(hashlib.sha256(text.encode()).hexdigest()[:16])
+        return found
+
+
+# Measurements of one or several sections, one after the other.
+
+
+@dataclass(frozen=True, eq=False)
+class Experiments:
+    """Experiments of one or several sections, with the covariance of their errors.
+
+    Experiments are numbered through all sections, and so are rows: by section, by output, in the
+    order of the file.
+    """
+
+    sections: tuple[MeasuredOutputs, ...]
+
+    @property
+    def name(self) -> str:
+        """Names of the sections."""
+        return ", ".join(each.name for each in self.sections)
+
+    @property
+    def unknown(self) -> tuple[str, ...]:
+        """Inputs that they teach."""
+        return tuple(dict.fromkeys(name for each in self.sections for name in each.unknown))
+
+    @property
+    def moved(self) -> tuple[str, ...]:
+        """Inputs with a value of their own in each experiment that is not known exactly."""
+        names = ((*each.varies, *each.condition_std) for each in self.sections)
+        return tuple(dict.fromkeys(name for of_section in names for name in of_section))
+
+    @property
+    def count(self) -> int:
+        """Number of experiments."""
+        return sum(each.experiments for each in self.sections)
+
+    @cached_property
+    def outputs(self) -> tuple[tuple[int, MeasuredOutput], ...]:
+        """The measured outputs, each with the number of the first experiment of its section."""
+        found, first = [], 0
+        for section in self.sections:
+            found += [(first, each) for each in section.outputs]
+            first += section.experiments
+        return tuple(found)
+
+    @cached_property
+    def values(self) -> FloatArray:
+        """Measured values, shape (row,)."""
+        return np.concatenate([each.values for _, each in self.outputs])
+
+    @cached_property
+    def censoring(self) -> IntArray:
+        """What each row is: `AT_LEAST`, `EXACTLY` or `AT_MOST`; shape (row,)."""
+        return np.concatenate([each.censoring for _, each in self.outputs])
+
+    @cached_property
+    def experiment(self) -> IntArray:
+        """Number of the experiment of each row, shape (row,)."""
+        return np.concatenate([first + each.experiment for first, each in self.outputs])
+
+    @property
+    def sizes(self) -> tuple[UnknownSize, ...]:
+        """Standard deviations that are not known, in the order of the outputs that have them."""
+        return tuple(each.errors.size for _, each in self.outputs if each.errors.size is not None)
+
+    @property
+    def freedom(self) -> float:
+        """Fewest degrees of freedom of errors whose size follows from repeats; else infinite."""
+        return min(each.errors.freedom for _, each in self.outputs)
+
+    @property
+    def has_one_unknown_size(self) -> bool:
+        """True if the size of all errors is one unknown number, and they have no other part."""
+        (_, first), *others = self.outputs
+        errors = first.errors
+        alone = errors.shared_std is None and not errors.std.any() and not errors.share.any()
+        return errors.size is not None and alone and not (others or self.moved)
+
+    @property
+    def has_fixed_errors(self) -> bool:
+        """True if no result of the model, and no unknown size, changes their covariance."""
+        depends = any(each.errors.depends_on_model for _, each in self.outputs)
+        return not (depends or self.moved) and (not self.sizes or self.has_one_unknown_size)
+
+    @property
+    def files(self) -> tuple[FileSnapshot, ...]:
+        """Snapshots of their files."""
+        return tuple(each.file for each in self.sections if each.file is not None)
+
+    def inputs(self, draws: Arrays, others: Mapping[str, float]) -> dict[str, FloatArray]:
+        """Return the inputs of runs: one of each experiment for each draw.
+
+        Parameters
+        ----------
+        draws : mapping of str to ndarray, shape (draw,) or (draw, experiment)
+            Values of unknown inputs, and of others that are not at their medians.
+        others : mapping of str to float
+            Values of all random inputs that are neither drawn nor conditions.
+
+        Returns
+        -------
+        mapping of str to ndarray, shape (draw * experiment,)
+            All experiments of the first draw come first.
+        """
+        size = len(next(iter(draws.values())))
+        names = dict.fromkeys([*others, *draws])
+        names |= dict.fromkeys(name for each in self.sections for name in each.conditions)
+        found = {}
+        for name in names:
+            drawn = draws.get(name)
+            parts = []
+            first = 0
+            for section in self.sections:
+                own = slice(first, first + section.experiments)
+                shape = (size, section.experiments)
+                first += section.experiments
+                if drawn is not None:
+                    part = drawn[:, own] if drawn.ndim == 2 else drawn[:, np.newaxis]
+                elif name in section.conditions:
+                    part = section.conditions[name]
+                else:
+                    part = np.array(others[name])
+                parts.append(np.broadcast_to(part, shape))
+            found[name] = np.concatenate(parts, axis=1).ravel()
+        return found
+
+    def moved_inputs(
+        self, name: str, others: Mapping[str, float], std: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the middle and the standard deviation of an input in each experiment.
+
+        Parameters
+        ----------
+        name : str
+            One of `moved`.
+        others : mapping of str to float
+            As in `inputs`.
+        std : float
+            Standard deviation of an input that varies.
+        """
+        middle, spread = [], []
+        for section in self.sections:
+            known = section.conditions.get(name)
+            at = (
+                np.full(section.experiments, others.get(name, math.nan)) if known is None else known
+            )
+            middle.append(at)
+            varies = std if name in section.varies else 0.0
+            spread.append(section.condition_std.get(name, np.full(section.experiments, varies)))
+        return np.concatenate(middle), np.concatenate(spread)
+
+    def drawn(self, runs: xr.Dataset, name: str) -> FloatArray:
+        """Return the values of an unknown input in the runs of `inputs`, shape (draw,)."""
+        first = 0
+        for section in self.sections:
+            if name in section.unknown:
+                break
+            first += section.experiments
+        found: FloatArray = runs[name].values[first :: self.count]
+        return found
+
+    def predicted(self, runs: xr.Dataset) -> FloatArray:
+        """Return the results of runs at the rows, shape (draw, row).
+
+        Parameters
+        ----------
+        runs : Dataset
+            In the order of `inputs`.
+        """
+        parts = []
+        for first, each in self.outputs:
+            values = runs[each.output.name].values
+            at = values.reshape(-1, self.count, *each.output.shape)
+            parts.append(each.predicted(at[:, first:]))
+        return np.concatenate(parts, axis=1)
+
+    def covariance(
+        self,
+        predicted: FloatArray,
+        sizes: FloatArray | Sequence[float] = (),
+        slopes: FloatArray | None = None,
+    ) -> FloatArray:
+        """Return the covariance of measured values about the results of the model.
+
+        Parameters
+        ----------
+        predicted : ndarray, shape (row,)
+            Results of the model.
+        sizes : ndarray, shape (size,)
+            Values of `sizes`.
+        slopes : ndarray, shape (moved, row), optional
+            Change of each result by one standard deviation of each of `moved`: these are
+            independent of each other, and new in each experiment.
+
+        Returns
+        -------
+        ndarray, shape (row, row)
+        """
+        rows = len(self.values)
+        found = np.zeros((rows, rows))
+        left = list(sizes)
+        at = 0
+        for _, each in self.outputs:
+            own = slice(at, at + len(each.values))
+            at = own.stop
+            size = float(left.pop(0)) if each.errors.size is not None else 0.0
+            found[own, own] = each.errors.covariance(predicted[own], size, each.correlation)
+        if slopes is not None and len(slopes):
+            same = np.equal.outer(self.experiment, self.experiment)
+            found += (slopes.T @ slopes) * same
+        return found
+
+    def likelihood(self, covariance: FloatArray) -> Likelihood:
+        """Return the likelihood of results where the covariance of the errors is known."""
+        return Likelihood(self, covariance)
+
+    def log_likelihood(
+        self,
+        predicted: FloatArray,
+        sizes: FloatArray | None = None,
+        slopes: FloatArray | None = None,
+    ) -> FloatArray:
+        """Return the logarithm of the likelihood of results, shape (draw,).
+
+        Parameters
+        ----------
+        predicted : ndarray, shape (draw, row)
+            NaN where a run failed.
+        sizes : ndarray, shape (draw, size), optional
+            Values of `sizes`.
+        slopes : ndarray, shape (moved, row), optional
+            As in `covariance`.
+        """
+        found = np.full(len(predicted), np.nan)
+        drawn = np.zeros((len(predicted), 0)) if sizes is None else sizes
+        completed = np.flatnonzero(np.isfinite(predicted).all(axis=1))
+        depends = any(each.errors.depends_on_model for _, each in self.outputs) or drawn.size
+        if not depends and len(completed):
+            covariance = self.covariance(predicted[completed[0]], (), slopes)
+            found[completed] = self.likelihood(covariance).log_density(predicted[completed])
+            return found
+        for draw in completed.tolist():
+            covariance = self.covariance(predicted[draw], drawn[draw], slopes)
+            at = slice(draw, draw + 1)
+            found[at] = self.likelihood(covariance).log_density(predicted[at])
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class Likelihood:
+    """Likelihood of a model's results, where the covariance of the errors is known.
+
+    Rows that are bounds count by the probability of an error that large, given the errors of the
+    values; two bounds are taken as independent of each other.
+    """
+
+    measured: Experiments
+    covariance: FloatArray  # (row, row)
+
+    @cached_property
+    def _is_value(self) -> IntArray:
+        return np.flatnonzero(self.measured.censoring == EXACTLY)
+
+    @cached_property
+    def _factor(self) -> tuple[FloatArray, float]:
+        """Inverse of the Cholesky factor of the values' covariance, and its log determinant."""
+        at = self._is_value
+        lower = np.linalg.cholesky(self.covariance[np.ix_(at, at)])
+        inverse = scipy.linalg.solve_triangular(lower, np.eye(len(at)), lower=True)
+        return inverse, 2 * float(np.log(np.diag(lower)).sum())
+
+    def residuals(self, predicted: FloatArray) -> FloatArray:
+        """Return residuals whose squares sum to -2 log likelihood, but for a constant.
+
+        Parameters
+        ----------
+        predicted : ndarray, shape (draw, row)
+
+        Returns
+        -------
+        ndarray, shape (draw, row)
+            Of the values in their order, independent and with the variance 1; then of the bounds.
+        """
+        at, measured = self._is_value, self.measured
+        inverse, _ = self._factor
+        off = predicted[:, at] - measured.values[at]
+        # Not by BLAS: no result depends on how many draws stand beside it.
+        whitened = np.einsum("ij,dj->di", inverse, off, optimize=False)
+        bounds = np.flatnonzero(measured.censoring != EXACTLY)
+        if not len(bounds):
+            return whitened
+        joint = inverse @ self.covariance[np.ix_(at, bounds)]  # (value, bound)
+        mean = -np.einsum("vb,dv->db", joint, whitened, optimize=False)
+        std = np.sqrt(np.diag(self.covariance)[bounds] - (joint**2).sum(axis=0))
+        sides = measured.censoring[bounds]
+        distance = sides * (predicted[:, bounds] + mean - measured.values[bounds]) / std
+        with np.errstate(invalid="ignore"):
+            beyond = np.sqrt(-2 * scipy.special.log_ndtr(distance))
+        return np.concatenate([whitened, beyond], axis=1)
+
+    def log_density(self, predicted: FloatArray) -> FloatArray:
+        """Return the logarithm of the likelihood, shape (draw,)."""
+        _, determinant = self._factor
+        constant = determinant + len(self._is_value) * math.log(2 * math.pi)
+        found: FloatArray = -0.5 * ((self.residuals(predicted) ** 2).sum(axis=1) + constant)
+        return found

@@ -1,0 +1,581 @@
+"""``[measured.<name>]``: experiments that a model is compared with."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from uqpen.core.arrays import FloatArray, IntArray
+from uqpen.core.columns import Column, columns_of_table, read_columns
+from uqpen.core.errors import QuantityError, TableError, toml_text
+from uqpen.core.files import FileSnapshot
+from uqpen.core.model import Model
+from uqpen.core.quantities import parse_quantity
+from uqpen.core.units import DIMENSIONLESS, describe, scale
+from uqpen.core.variables import Output
+from uqpen.distributions.joint_distribution import JointDistribution
+from uqpen.measurements import (
+    AT_LEAST,
+    AT_MOST,
+    MeasuredOutput,
+    MeasuredOutputs,
+    MeasurementErrors,
+    UnknownSize,
+)
+from uqpen.study.study import ValidatedStudy
+from uqpen.study.table_reader import TableReader, named_tables
+
+# What an input is in the face of measurements; each random input is one of them.
+ROLES = {
+    "conditions": "known for each experiment, a column of the table",
+    "unknown": "one value, which the measurements teach",
+    "varies": "a new value in each experiment, from its distribution",
+    "fixed": "held at its median",
+}
+# The covariance of all rows is in memory.
+_MOST_ROWS = 5000
+# A size that follows from repeats has at least so many degrees of freedom.
+_FEWEST_REPEATS = 5
+_REPEATS = "repeats"
+# The key with the column that tells experiments of equal conditions apart.
+_EXPERIMENT = "experiment"
+_NO_COLUMN = Column("", DIMENSIONLESS, lambda: np.empty(0))
+
+_STD = (
+    'the standard deviation of an error: a quantity such as "2 mm", a column, a share of the '
+    'model\'s value such as "3 %", a list of these, { half-normal = "2 mm" } where its size is '
+    'unknown, or "repeats"'
+)
+
+
+@dataclass(frozen=True, eq=False)
+class _Table:
+    """Rows of a file, as a section reads them."""
+
+    section: TableReader
+    columns: Mapping[str, Column]
+    rows: int
+    key: str  # the key that the file stands at
+
+    def values(self, name: str, like: str, *, difference: bool = False) -> FloatArray | None:
+        """Return a column in SI units, NaN for a blank; None where a mistake was noted."""
+        try:
+            column = self.columns[name]
+            found = np.full(self.rows, np.nan)
+            entries = column.load()
+            filled = np.flatnonzero(~np.isnan(entries))
+            kept = Column(column.name, column.unit, lambda: entries[filled])
+            found[filled] = kept.values(like)
+            if difference:
+                found[filled] -= scale(column.unit).to_si(0.0)
+        except (TableError, QuantityError) as error:
+            self.section.add_problem(self.key, str(error), "a column of numbers")
+            return None
+        return found
+
+
+def read_measured(table: TableReader, model: Model | None) -> dict[str, MeasuredOutputs | None]:
+    """Read the measurements of a study; None stands for those where a mistake was noted.
+
+    Without the model, whose mistakes are noted, none of them is read.
+    """
+    found = {}
+    for name, section in named_tables(table):
+        noted = len(table.problems)
+        measured = _read_section(name, section, model) if model else None
+        found[name] = measured if len(table.problems) == noted else None
+    return found
+
+
+def _read_section(name: str, section: TableReader, model: Model) -> MeasuredOutputs | None:
+    outputs = {each.name: each for each in model.all_outputs}
+    tables = {
+        key: section.table(key)
+        for key in section
+        if key in outputs and isinstance(section.content[key], dict)
+    }
+    source = section.text("source", "where they come from") if "source" in section else ""
+    conditions = _conditions(section)
+    roles = {role: _names(section, role) for role in ("unknown", "varies", "fixed")}
+    label = (
+        section.text(_EXPERIMENT, "a column that names the experiment of each row")
+        if _EXPERIMENT in section
+        else ""
+    )
+    read = _read_file(section, tables, label or "")
+    section.check_unknown_keys("key, nor an output of the model,")
+    inputs = {variable.name: variable for variable in model.inputs}
+    for role, names in (("conditions", [*conditions]), *roles.items()):
+        for each in names:
+            if each not in inputs:
+                expected = f"an input of {model.name}; {section.suggest(each, inputs)}"
+                section.add_problem(role, toml_text(each), expected)
+                return None
+    if read is None:
+        return None
+    rows, file = read
+    if label and len(_entries(rows.columns.get(label, _NO_COLUMN))) < rows.rows:
+        section.add_wrong(_EXPERIMENT, label, f"a column; {section.suggest(label, rows.columns)}")
+        return None
+    if not tables:
+        expected = f"a table [measured.{name}.<output>]; outputs: {', '.join(outputs)}"
+        section.add_missing("std", expected)
+        return None
+    found = {each: _condition(rows, each, inputs[each].unit) for each in conditions}
+    if any(each is None for each in found.values()):
+        return None
+    columns = {key: values for key, values in found.items() if values is not None}
+    named = [_entries(rows.columns[label])] if label else []
+    experiment, first = _experiments([*columns.values(), *named], rows.rows)
+    stds = {
+        each: float(found_std)
+        for each, written in conditions.items()
+        if written is not None
+        and (found_std := _difference(section, ("conditions", each), written, inputs[each].unit))
+    }
+    read_outputs = (
+        _read_output(inside, outputs[key], rows, experiment) for key, inside in tables.items()
+    )
+    measured = [of_output for of_output in read_outputs if of_output is not None]
+    if len(measured) < len(tables):
+        return None
+    return MeasuredOutputs(
+        name,
+        tuple(roles["unknown"]),
+        tuple(roles["varies"]),
+        tuple(roles["fixed"]),
+        {key: values[first] for key, values in columns.items()},
+        {key: np.full(len(first), std) for key, std in stds.items()},
+        tuple(measured),
+        len(first),
+        source or "",
+        file,
+    )
+
+
+def _conditions(section: TableReader) -> dict[str, Any]:
+    """Return the conditions, each with its standard error as it is written, or None."""
+    written = section.take("conditions")
+    if isinstance(written, dict):
+        return written
+    if written is not None and not (
+        isinstance(written, list) and all(isinstance(each, str) for each in written)
+    ):
+        expected = 'inputs such as ["speed"], or with their errors { speed = "5 m/s" }'
+        section.add_wrong("conditions", written, expected)
+        return {}
+    return dict.fromkeys(written or [])
+
+
+def _names(section: TableReader, key: str) -> list[str]:
+    names = section.entries(key)
+    for place, each in enumerate(names):
+        if not isinstance(each, str):
+            section.add_wrong((key, place), each, "the name of an input")
+    return [each for each in names if isinstance(each, str)]
+
+
+def _read_file(
+    section: TableReader, tables: Mapping[str, TableReader], label: str
+) -> tuple[_Table, FileSnapshot | None] | None:
+    """Return the rows of a section's file, or of its table; None where a mistake was noted."""
+    groups = [
+        shared["group"]
+        for each in tables.values()
+        if isinstance(shared := each.content.get("shared"), dict)
+        and isinstance(shared.get("group"), str)
+    ]
+    groups.append(label)
+    key = "table" if "table" in section else "file"
+    snapshot = None
+    try:
+        if key == "table":
+            columns = columns_of_table(section.take(key))
+        else:
+            written = section.text(key, 'the name of a file, such as "shots.csv"')
+            if written is None:
+                return None
+            read = read_columns(section.folder / written, blanks=True, groups=groups)
+            columns, snapshot = read.columns, read.file
+        by_name = {column.name: column for column in columns}
+        if len(by_name) < len(columns):
+            raise TableError("two of its columns have the same name")
+        rows = max((len(_entries(column)) for column in columns), default=0)
+    except (TableError, QuantityError) as error:
+        section.add_problem(key, str(error), "rows of measurements under headings name [unit]")
+        return None
+    if not 0 < rows <= _MOST_ROWS:
+        section.add_problem(key, f"{rows} rows", f"1 to {_MOST_ROWS} rows of measurements")
+        return None
+    return _Table(section, by_name, rows, key), snapshot
+
+
+def _entries(column: Column) -> FloatArray:
+    """Return the numbers of a column; none of one with other texts, which may be notes."""
+    try:
+        return column.load()
+    except TableError:
+        return np.empty(0)
+
+
+def _condition(rows: _Table, name: str, unit: str) -> FloatArray | None:
+    if name not in rows.columns:
+        expected = f"a column of conditions; {rows.section.suggest(name, rows.columns)}"
+        rows.section.add_problem("conditions", f'no column "{name}" in its file', expected)
+        return None
+    found = rows.values(name, unit)
+    if found is not None and np.isnan(found).any():
+        row = int(np.isnan(found).argmax()) + 1
+        expected = f"the value of {name} in each row"
+        rows.section.add_problem("conditions", f'a blank in row {row} of column "{name}"', expected)
+        return None
+    return found
+
+
+def _experiments(conditions: Sequence[FloatArray], rows: int) -> tuple[IntArray, IntArray]:
+    """Return the number of each row's experiment, and the first row of each experiment."""
+    numbers: dict[tuple[float, ...], int] = {}
+    experiment = np.zeros(rows, dtype=np.int64)
+    first = []
+    for row in range(rows):
+        key = tuple(float(values[row]) for values in conditions)
+        if key not in numbers:
+            first.append(row)
+        experiment[row] = numbers.setdefault(key, len(numbers))
+    return experiment, np.array(first)
+
+
+def _difference(
+    table: TableReader, keys: str | tuple[str, ...], written: Any, unit: str, expected: str = ""
+) -> float | None:
+    """Read a standard deviation in SI units; None where a mistake was noted."""
+    try:
+        value = parse_quantity(written, unit, difference=True).value
+    except QuantityError as error:
+        if expected:
+            table.add_wrong(keys, written, expected)
+        else:
+            keys = (keys,) if isinstance(keys, str) else keys
+            table.add_problems(error.problems, *keys)
+        return None
+    if value <= 0:
+        table.add_wrong(keys, written, "a standard deviation above 0")
+        return None
+    return value
+
+
+def _read_output(
+    table: TableReader, output: Output, rows: _Table, experiment: IntArray
+) -> MeasuredOutput | None:
+    """Read the measurements of one output; None where a mistake was noted."""
+    noted = len(table.problems)
+    name = table.text("column", "the name of a column") if "column" in table else output.name
+    if output.categories or output.may_end or output.absent:
+        expected = "an output that each run has, a number or a field of numbers"
+        table.add_problem((), f"measurements of {output.name}", expected)
+    if name is None or len(table.problems) > noted:
+        return None
+    for each in (name, *(dimension.name for dimension in output.dims)):
+        if each not in rows.columns:
+            expected = f"a column of its values; {table.suggest(each, rows.columns)}"
+            where = "column" if each == name and name != output.name else ()
+            table.add_problem(where, f'no column "{each}" in {rows.key} of the section', expected)
+            return None
+    values = rows.values(name, output.unit)
+    censoring = np.zeros(rows.rows, dtype=np.int64)
+    for key, kind in (("at_least", AT_LEAST), ("at_most", AT_MOST)):
+        flags = _flags(table, key, rows) if key in table else np.zeros(rows.rows)
+        censoring[flags == 1] = kind
+    if values is None or len(table.problems) > noted:
+        return None
+    kept = np.flatnonzero(~np.isnan(values))
+    if not len(kept):
+        table.add_problem((), f'no value in column "{name}"', "at least one measured value")
+        return None
+    places = _places(table, output, rows, kept)
+    if len(table.problems) > noted:
+        return None
+    errors = _read_errors(table, output, rows, kept, experiment, values, places)
+    table.check_unknown_keys()
+    if errors is None or len(table.problems) > noted:
+        return None
+    return MeasuredOutput(
+        output, experiment[kept], places, values[kept], censoring[kept], kept + 1, errors
+    )
+
+
+def _places(
+    table: TableReader, output: Output, rows: _Table, kept: IntArray
+) -> dict[str, FloatArray]:
+    """Return the coordinates of rows along the dimensions of an output."""
+    places = {}
+    for dimension in output.dims:
+        along = rows.values(dimension.name, dimension.unit)
+        if along is None:
+            break
+        ends = dimension.values[0], dimension.values[-1]
+        outside = kept[~((along[kept] >= ends[0]) & (along[kept] <= ends[1]))]
+        if len(outside):
+            found = f"{dimension.name} {along[outside[0]]:g} {dimension.unit} in row"
+            expected = f"places from {ends[0]:g} to {ends[1]:g} {dimension.unit}, as the output has"
+            table.add_problem((), f"{found} {outside[0] + 1}", expected)
+        places[dimension.name] = along[kept]
+    return places
+
+
+def _flags(table: TableReader, key: str, rows: _Table) -> FloatArray:
+    """Return a column of 0 and 1; a blank is 0."""
+    expected = "a column of 0 and 1: 1 where the entry is a bound"
+    name = table.text(key, expected)
+    if name is None:
+        return np.zeros(rows.rows)
+    found = rows.values(name, DIMENSIONLESS) if name in rows.columns else None
+    if found is None or not np.isin(found[~np.isnan(found)], (0, 1)).all():
+        table.add_wrong(key, name, expected)
+        return np.zeros(rows.rows)
+    return np.nan_to_num(found)
+
+
+def _read_errors(
+    table: TableReader,
+    output: Output,
+    rows: _Table,
+    kept: IntArray,
+    experiment: IntArray,
+    values: FloatArray,
+    places: Mapping[str, FloatArray],
+) -> MeasurementErrors | None:
+    """Read the errors of an output's rows; None where a mistake was noted."""
+    lengths = _lengths(table, output)
+    nothing = np.zeros(len(kept))
+    if "covariance" in table:
+        matrix = _covariance_file(table, output, len(kept))
+        return None if matrix is None else MeasurementErrors(nothing, nothing, matrix=matrix)
+    written = table.take("std")
+    own: MeasurementErrors | None = None
+    if written is None:
+        table.add_missing("std", _STD)
+    elif isinstance(written, dict):
+        prior = written.get("half-normal")
+        if prior is None or len(written) > 1:
+            table.add_wrong("std", written, _STD)
+        elif scale := _difference(table, ("std", "half-normal"), prior, output.unit):
+            size = UnknownSize(f"std of {output.name}", scale)
+            own = MeasurementErrors(nothing, nothing, size)
+    elif written == _REPEATS:
+        if pooled := _pooled(table, kept, experiment, values, places):
+            own = MeasurementErrors(nothing + pooled[0], nothing, freedom=pooled[1])
+    elif parts := _std_parts(table, "std", written, output, rows, kept):
+        own = MeasurementErrors(*parts)
+    shared = _read_shared(table, output, rows, kept)
+    return own and replace(own, lengths=lengths, **shared)
+
+
+def _read_shared(
+    table: TableReader, output: Output, rows: _Table, kept: IntArray
+) -> dict[str, Any]:
+    """Return the part of the errors that rows share, and the group of each row, by field."""
+    if "shared" not in table:
+        return {}
+    inside = table.table("shared")
+    group = inside.text("group", "a column") if "group" in inside else ""
+    numbers = np.zeros(len(kept), dtype=np.int64)
+    if group and group in rows.columns:
+        _, numbers = np.unique(_entries(rows.columns[group])[kept], return_inverse=True)
+    elif group:
+        inside.add_wrong("group", group, f"a column; {table.suggest(group, rows.columns)}")
+    written = inside.take("std")
+    inside.check_unknown_keys()
+    if written is None:
+        inside.add_missing("std", _STD)
+        return {}
+    parts = _std_parts(inside, "std", written, output, rows, kept)
+    if parts is None:
+        return {}
+    return {"shared_std": parts[0], "shared_share": parts[1], "group": numbers}
+
+
+def _std_parts(
+    table: TableReader, key: str, written: Any, output: Output, rows: _Table, kept: IntArray
+) -> tuple[FloatArray, FloatArray] | None:
+    """Return the standard deviation of each row in SI units, and as a share of the model's value.
+
+    Parts of a list add in squares.
+    """
+    absolute, share = np.zeros(len(kept)), np.zeros(len(kept))
+    for each in written if isinstance(written, list) else [written]:
+        text = each.strip() if isinstance(each, str) else ""
+        if text in rows.columns:
+            found = rows.values(text, output.unit, difference=True)
+            if found is None:
+                return None
+            wrong = kept[~(found[kept] >= 0)]
+            if len(wrong):
+                what = f'column "{text}", row {wrong[0] + 1}'
+                table.add_problem(key, f"{what}: {found[wrong[0]]:g}", "a number of 0 or more")
+                return None
+            absolute = absolute + found[kept] ** 2
+        elif text.endswith("%") and (part := _difference(table, key, text, DIMENSIONLESS, _STD)):
+            share = share + part**2
+        elif not text.endswith("%"):
+            part = _difference(table, key, each, output.unit, f"{_STD}; in {describe(output.unit)}")
+            if part is None:
+                return None
+            absolute = absolute + part**2
+        else:
+            return None
+    if not (absolute + share > 0).all():
+        row = kept[int(np.argmin(absolute + share > 0))] + 1
+        table.add_problem(key, f"an error of 0 in row {row}", "a standard deviation above 0")
+        return None
+    return np.sqrt(absolute), np.sqrt(share)
+
+
+def _lengths(table: TableReader, output: Output) -> dict[str, float]:
+    """Return the lengths of correlation along the dimensions of an output, which have to be said.
+
+    ``"none"`` is an answer.
+    """
+    written = table.take("correlation")
+    dims = {dimension.name: dimension for dimension in output.dims}
+    if not dims:
+        if written not in (None, "none"):
+            table.add_wrong("correlation", written, f"no correlation along {output.name}, a number")
+        return {}
+    example = next(iter(dims))
+    expected = (
+        f'{{ {example} = "<length>" }}, over which errors are correlated, or "none": a curve is '
+        "not as many measurements as it has points"
+    )
+    if written is None and "covariance" not in table:
+        table.add_missing("correlation", expected)
+    if written in (None, "none"):
+        return {}
+    if not isinstance(written, dict) or not written.keys() <= dims.keys():
+        table.add_wrong("correlation", written, expected)
+        return {}
+    found = {}
+    for name, length in written.items():
+        value = _difference(table, ("correlation", name), length, dims[name].unit)
+        if value is not None:
+            found[name] = value
+    return found
+
+
+def _pooled(
+    table: TableReader,
+    kept: IntArray,
+    experiment: IntArray,
+    values: FloatArray,
+    places: Mapping[str, FloatArray],
+) -> tuple[float, float] | None:
+    """Return the standard deviation within repeats, and its degrees of freedom."""
+    keys = [
+        (int(experiment[row]), *(float(each[at]) for each in places.values()))
+        for at, row in enumerate(kept.tolist())
+    ]
+    groups: dict[tuple[float, ...], list[float]] = {}
+    for key, row in zip(keys, kept.tolist(), strict=True):
+        groups.setdefault(key, []).append(float(values[row]))
+    squares = sum(float(np.var(each)) * len(each) for each in groups.values())
+    freedom = len(kept) - len(groups)
+    if freedom < _FEWEST_REPEATS or not squares > 0:
+        expected = f"at least {_FEWEST_REPEATS} repeats that differ; or {_STD}"
+        table.add_problem("std", f'"{_REPEATS}" with {freedom} repeats', expected)
+        return None
+    return math.sqrt(squares / freedom), float(freedom)
+
+
+def _covariance_file(table: TableReader, output: Output, rows: int) -> FloatArray | None:
+    """Return the covariance of an output's rows from a file; None where a mistake was noted."""
+    expected = (
+        f"a file of {rows} columns with {rows} rows, headed 1 to {rows} with the square of a unit "
+        f"of {describe(output.unit)}, such as 1 [{output.unit}^2]"
+    )
+    for key in ("std", "shared"):
+        if table.take(key) is not None:
+            either = "the covariance of all errors, or their parts, not both"
+            table.add_problem(key, f"{key} beside covariance", either)
+    name = table.text("covariance", expected)
+    if name is None:
+        return None
+    unit = DIMENSIONLESS if output.unit == DIMENSIONLESS else f"({output.unit})^2"
+    try:
+        columns = read_columns(table.folder / name).columns
+        matrix = np.array([each.values(unit) for each in columns])
+    except (TableError, QuantityError) as error:
+        table.add_problem("covariance", str(error), expected)
+        return None
+    if matrix.shape != (rows, rows):
+        found = f"{matrix.shape[1]} rows of {matrix.shape[0]} columns"
+    elif not np.allclose(matrix, matrix.T, rtol=1e-9, atol=0):
+        found = "a matrix that is not symmetric"
+    elif not np.linalg.eigvalsh(matrix)[0] > 0:
+        found = "a matrix that is not positive definite"
+    else:
+        return matrix
+    table.add_problem("covariance", f"{found} in {name}", expected)
+    return None
+
+
+# Each random input is one of four.
+
+
+def check_roles(
+    table: TableReader, measured: Mapping[str, MeasuredOutputs], joint: JointDistribution
+) -> None:
+    """Note inputs without a role in the face of measurements, or with two, or with a wrong one."""
+    random = {entry.variable.name: entry for entry in joint.random}
+    constant = {entry.variable.name for entry in joint.fixed}
+    for name, each in measured.items():
+        section = table.table(name)
+        roles = {
+            "conditions": [*each.conditions],
+            "unknown": [*each.unknown],
+            "varies": [*each.varies],
+            "fixed": [*each.fixed],
+        }
+        said: dict[str, str] = {}
+        for role, names in roles.items():
+            for entry in names:
+                if entry in said:
+                    found = f"{entry}, which is among {said[entry]}, too"
+                    section.add_problem(role, found, "each input once")
+                said[entry] = role
+                if role in ("unknown", "varies") and entry not in random:
+                    what = "an input with one value" if entry in constant else "no random input"
+                    section.add_problem(role, f"{entry}, {what}", "an input with a distribution")
+        left = [entry for entry in random if entry not in said]
+        if left:
+            meanings = "; ".join(f"{role} ({text})" for role, text in ROLES.items())
+            section.add_problem((), f"nothing of {', '.join(left)}", f"each among {meanings}")
+        for interval in joint.intervals:
+            found = f"{interval.variable.name}, an interval, beside measurements"
+            section.add_problem((), found, "a value or a distribution of it")
+        if joint.dependence and {*joint.dependence.inputs} & {*each.varies}:
+            mixed = {*joint.dependence.inputs} - {*each.varies}
+            if mixed:
+                found = f"{min(mixed)} depends on an input that varies"
+                section.add_problem("varies", found, "inputs that vary independently of the others")
+
+
+def role_lines(study: ValidatedStudy) -> Iterator[str]:
+    """Yield what each input is in the face of measurements, in a line for each section."""
+    for name, each in study.measured.items():
+        rows = sum(len(of_output.values) for of_output in each.outputs)
+        parts = [f"{each.experiments} experiments, {rows} values"]
+        parts += [
+            f"{role} {', '.join(names)}"
+            for role, names in (
+                ("conditions", each.conditions),
+                ("unknown", each.unknown),
+                ("varies", each.varies),
+                ("fixed", each.fixed),
+            )
+            if names
+        ]
+        yield f"measured {name}: {'; '.join(parts)}"
