@@ -478,3 +478,22 @@ NO_PROFILE_END = (
     "no end of the profile was found: it is flat, leaves the support, or runs fail on the way"
 )
 NO_PROFILE_BUDGET = "profiles need more runs than at_most = {runs}"
+
+# Posteriors of unknown inputs.
+EVIDENCE_OF_PRIORS = "it depends on the widths of the priors: twice as wide, half the evidence"
+FEW_PRIOR_RUNS = (
+    "no posterior: {share:.0%} of the runs of the prior completed, too few for a replicate to move "
+    "them, or at_most leaves no run for it"
+)
+UNFINISHED_POSTERIOR = (
+    "no posterior: with {runs} points, the likelihood counts by the power {exponent:.2g} so far; "
+    "raise at_most"
+)
+FAILED_AT_POSTERIOR = "{share:.0%} of the runs around the posterior failed, and are left out of it"
+REPLICATES_DIFFER = "the replicates differ in {name}: R-hat is {rhat:.3f}, not below 1.01"
+FEW_EFFECTIVE_DRAWS = (
+    "the mean of {name} is known to {error:.0%} of its standard deviation, not to 5 %"
+)
+ENDED_TOO_EARLY = (
+    "the last level ended at at_most: draws correlate by {related:.2f} with where it began"
+)

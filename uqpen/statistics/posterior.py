@@ -1,0 +1,239 @@
+"""Posterior of unknown inputs from the runs of a sampler, with what its replicates say of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy
+import scipy.stats
+
+from uqpen.core.arrays import FloatArray, IntArray
+from uqpen.designs.posterior import Particles, PosteriorPoints, largest_correlation
+from uqpen.statistics import texts
+from uqpen.statistics.estimate import LEVEL, Estimate
+from uqpen.statistics.intervals import student_interval
+
+# A posterior is sampled well where the rank-normalised R-hat of each unknown is below this, the
+# standard error of its mean is below this part of its standard deviation, and where its draws
+# correlate less with those that the last level moved from.
+_LARGEST_RHAT, _LARGEST_ERROR, _RELATED = 1.01, 0.05, 0.2
+# A share of failed runs around the posterior that a reader has to know of.
+_MANY_FAILED = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Replicate:
+    """Sample of a replicate, from its runs."""
+
+    runs: IntArray  # (draw,): numbers of the runs that its draws are
+    start: IntArray  # (draw,): those of the draws that its last level moved from
+    log_evidence: float  # logarithm of the mean of the likelihood over the prior
+    exponent: float  # power of the likelihood that its last level has; 1 for the posterior
+
+    @classmethod
+    def of(
+        cls, sampled: PosteriorPoints, log_likelihood: FloatArray, number: int
+    ) -> Replicate | None:
+        """Return the last level of a replicate; None where it has none behind the prior.
+
+        Parameters
+        ----------
+        sampled : PosteriorPoints
+            All runs of a design.
+        log_likelihood : ndarray, shape (run,)
+            Of each run, NaN where it failed.
+        number : int
+            Number of the replicate.
+        """
+        found = np.where(np.isfinite(log_likelihood), log_likelihood, np.nan)
+        everything = Particles(np.arange(len(found)), found)
+        members = np.flatnonzero(sampled.replicate == number)
+        drawn = members[sampled.exponent[members] == 0]
+        completed = drawn[np.isfinite(found[drawn])]
+        if len(members) == len(drawn):
+            return None
+        particles = everything.at(completed)
+        log_evidence, exponent = math.log(len(completed) / len(drawn)), 0.0
+        for moved in members[len(drawn) :].reshape(-1, len(drawn)):
+            states = sampled.parent[moved]
+            if (higher := float(sampled.exponent[moved[0]])) > exponent:
+                log_evidence += particles.log_mean(higher - exponent)
+                exponent, start = higher, states
+            particles = everything.at(states).moved(everything.at(moved), sampled.least[moved])
+        return cls(particles.runs, start, log_evidence, exponent)
+
+
+@dataclass(frozen=True, eq=False)
+class PosteriorSample:
+    """Draws of the posterior, from whole replicates whose scatter gives all errors."""
+
+    names: tuple[str, ...]  # of the unknowns
+    values: FloatArray  # (run, unknown): of all runs
+    sampled: PosteriorPoints
+    log_likelihood: FloatArray  # (run,): NaN where a run failed
+    replicates: tuple[Replicate, ...]
+    level: float = LEVEL  # confidence level
+
+    @classmethod
+    def of(
+        cls,
+        names: Sequence[str],
+        values: FloatArray,
+        sampled: PosteriorPoints,
+        log_likelihood: FloatArray,
+        level: float = LEVEL,
+    ) -> PosteriorSample | str:
+        """Return the sample in the runs of a design, or the reason why it has none."""
+        numbers = np.unique(sampled.replicate).tolist()
+        found = [Replicate.of(sampled, log_likelihood, number) for number in numbers]
+        replicates = tuple(each for each in found if each is not None)
+        is_moved = len(replicates) == len(found)
+        if is_moved and min(each.exponent for each in replicates) == 1:
+            return cls(tuple(names), values, sampled, log_likelihood, replicates, level)
+        completed = float(np.isfinite(log_likelihood[sampled.exponent == 0]).mean())
+        if not is_moved:
+            return texts.FEW_PRIOR_RUNS.format(share=completed)
+        reached = min(each.exponent for each in replicates)
+        return texts.UNFINISHED_POSTERIOR.format(runs=len(log_likelihood), exponent=reached)
+
+    @cached_property
+    def runs(self) -> IntArray:
+        """Numbers of the runs that the draws are, shape (replicate, draw)."""
+        return np.array([each.runs for each in self.replicates])
+
+    @cached_property
+    def draws(self) -> FloatArray:
+        """Draws of the posterior, shape (replicate, draw, unknown)."""
+        return self.values[self.runs]
+
+    @property
+    def _prior_std(self) -> FloatArray:
+        spread: FloatArray = self.values[self.sampled.exponent == 0].std(axis=0, ddof=1)
+        return spread
+
+    @property
+    def mean(self) -> Estimate:
+        """Means of the unknowns."""
+        return self._estimate(self.draws.mean(axis=(0, 1)), self.draws.mean(axis=1))
+
+    @property
+    def std(self) -> Estimate:
+        """Standard deviations of the unknowns."""
+        each = self.draws.std(axis=1, ddof=1)
+        return self._estimate(self._pooled.std(axis=0, ddof=1), each)
+
+    def quantile(self, probability: float) -> Estimate:
+        """Return the quantiles of the unknowns at a probability."""
+        each = np.quantile(self.draws, probability, axis=1)
+        return self._estimate(np.quantile(self._pooled, probability, axis=0), each)
+
+    @property
+    def log_evidence(self) -> Estimate:
+        """Logarithm of the mean of the likelihood over the prior, 0 where a run fails."""
+        each = np.array([replicate.log_evidence for replicate in self.replicates])
+        most = each.max()
+        value = most + math.log(np.exp(each - most).mean())
+        return self._estimate(value, each).with_note(texts.EVIDENCE_OF_PRIORS)
+
+    @property
+    def standard_error(self) -> FloatArray:
+        """Monte Carlo standard errors of the means, shape (unknown,)."""
+        return _standard_error(self.draws.mean(axis=1))
+
+    @property
+    def effective_draws(self) -> FloatArray:
+        """Number of independent draws whose means would scatter as the replicates', at most all."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found = (self._pooled.std(axis=0, ddof=1) / self.standard_error) ** 2
+        return np.minimum(found, len(self._pooled))
+
+    @property
+    def rhat(self) -> FloatArray:
+        """Rank-normalised R-hat of each unknown; NaN for one that has a single value."""
+        return np.array([rank_normalised_rhat(each) for each in np.moveaxis(self.draws, -1, 0)])
+
+    @property
+    def learnt(self) -> FloatArray:
+        """Part of its prior's standard deviation that each unknown has lost."""
+        return 1 - self._pooled.std(axis=0, ddof=1) / self._prior_std
+
+    @property
+    def related(self) -> float:
+        """Largest rank correlation of an unknown with where the last level moved it from."""
+        return max(
+            largest_correlation(*(_ranks(self.values[each]) for each in (one.start, one.runs)))
+            for one in self.replicates
+        )
+
+    def failed_share(self, *, prior: bool) -> float:
+        """Return the share of failed runs over the prior, or among candidates at the posterior."""
+        members = self.sampled.exponent == (0.0 if prior else 1.0)
+        return float((~np.isfinite(self.log_likelihood[members])).mean())
+
+    @property
+    def failure_note(self) -> str:
+        """Text on failed runs around the posterior; empty where they are few."""
+        share = self.failed_share(prior=False)
+        return texts.FAILED_AT_POSTERIOR.format(share=share) if share > _MANY_FAILED else ""
+
+    @property
+    def faults(self) -> list[str]:
+        """Reasons why the posterior is not sampled well, in words; none if it is."""
+        found = []
+        part = self.standard_error / self._pooled.std(axis=0, ddof=1)
+        for name, rhat, error in zip(self.names, self.rhat.tolist(), part.tolist(), strict=True):
+            if rhat >= _LARGEST_RHAT:
+                found.append(texts.REPLICATES_DIFFER.format(name=name, rhat=rhat))
+            if error >= _LARGEST_ERROR:
+                found.append(texts.FEW_EFFECTIVE_DRAWS.format(name=name, error=error))
+        if (related := self.related) > _RELATED:
+            found.append(texts.ENDED_TOO_EARLY.format(related=related))
+        return found
+
+    @property
+    def _pooled(self) -> FloatArray:
+        return self.draws.reshape(-1, len(self.names))
+
+    def _estimate(self, value: FloatArray | float, of_replicates: FloatArray) -> Estimate:
+        error, freedom = _standard_error(of_replicates), len(of_replicates) - 1
+        bounds = student_interval(value, error, freedom, self.level)
+        return Estimate(value, *bounds, texts.STUDENT_OVER_REPLICATES, "nominal")
+
+
+def _standard_error(of_replicates: FloatArray) -> FloatArray:
+    error: FloatArray = of_replicates.std(axis=0, ddof=1) / math.sqrt(len(of_replicates))
+    return error
+
+
+def _ranks(values: FloatArray) -> FloatArray:
+    ranks: FloatArray = scipy.stats.rankdata(values, axis=0)
+    return ranks
+
+
+def rank_normalised_rhat(draws: FloatArray) -> float:
+    """Return R-hat of the ranks of draws, or of their distances from the median if that is larger.
+
+    Parameters
+    ----------
+    draws : ndarray, shape (replicate, draw)
+
+    References
+    ----------
+    Vehtari, A., Gelman, A., Simpson, D., Carpenter, B. & Bürkner, P.-C. (2021). Bayesian Analysis
+    16, 667-718.
+    """
+    half = draws.shape[1] // 2
+    halves = np.concatenate([draws[:, :half], draws[:, -half:]])
+    found = []
+    for values in (halves, np.abs(halves - np.median(halves))):
+        ranks = scipy.stats.rankdata(values, axis=None).reshape(values.shape)
+        scores = scipy.special.ndtri((ranks - 0.375) / (values.size + 0.25))
+        within = scores.var(axis=1, ddof=1).mean()
+        between = scores.mean(axis=1).var(ddof=1)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            found.append(np.sqrt((between + within * (half - 1) / half) / within))
+    return float(np.max(found))
