@@ -10,7 +10,13 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
-from uqpen.core.catalogue import BOUND_STATISTICS, CATALOGUE, DIMENSIONS, JOINT_STATISTICS
+from uqpen.core.catalogue import (
+    BOUND_STATISTICS,
+    CATALOGUE,
+    DIMENSIONS,
+    JOINT_STATISTICS,
+    VALIDATION_STATISTICS,
+)
 from uqpen.core.statistic import Statistic
 
 PAGE = Path(__file__).parents[1] / "docs" / "archive.md"
@@ -20,6 +26,7 @@ TABLES = {
     "statistics": CATALOGUE,
     "joint statistics": JOINT_STATISTICS,
     "bound statistics": BOUND_STATISTICS,
+    "validation statistics": VALIDATION_STATISTICS,
 }
 
 

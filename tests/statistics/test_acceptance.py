@@ -8,8 +8,9 @@ import pytest
 import uqpen
 from uqpen.archive.estimates import estimate_array
 from uqpen.archive.structure import find_faults
+from uqpen.core.statistic import AcceptanceVerdict
 from uqpen.report.sections.answer import answer
-from uqpen.results.acceptance import Acceptance, AcceptanceVerdict
+from uqpen.results.acceptance import Acceptance
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.json import archive_json
 from uqpen.results.output_tables import output_tables

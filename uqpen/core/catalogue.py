@@ -34,6 +34,7 @@ from uqpen.core.labels import (
     INTERVAL_LABEL,
     LOWER_CONTENT,
     LOWER_THRESHOLD,
+    MEASURED_ROW,
     MINIMUM,
     MOMENTS,
     NOISE,
@@ -965,6 +966,75 @@ CALIBRATION_STATISTICS = _by_name(
     ]
 )
 
+# A model compared with measurements: of each measured value, then of all of them.
+_OF_MEASURED_ROWS = {
+    "measured": ("measured value", UnitRule.VALUE),
+    "measured_std": ("standard deviation of the error of measurement", UnitRule.DIFFERENCE),
+    "predicted_mean": ("mean of the model", UnitRule.VALUE),
+    "predicted_std": ("standard deviation of the model by its inputs", UnitRule.DIFFERENCE),
+    "validation_uncertainty": ("standard uncertainty of the comparison error", UnitRule.DIFFERENCE),
+    "z_score": ("comparison error by its standard uncertainty", UnitRule.NONE),
+    "pit": ("probability integral transform of the measured value", UnitRule.NONE),
+    "inside": ("1 where the measured value is inside the band of the draws", UnitRule.NONE),
+    "used_before": ("1 where inputs were fitted to the measured value", UnitRule.NONE),
+    "crps": ("continuous ranked probability score", UnitRule.DIFFERENCE),
+}
+_OF_VALIDATION = {
+    "draws": "number of draws with a completed run at each measured value",
+    "failed_draws": "number of draws without one",
+    "joint_statistic": "squared Mahalanobis distance of all comparison errors from 0",
+    "ks_statistic": "Kolmogorov's distance of the PIT values from the uniform distribution",
+    "area_null": "mean area metric of a model without error",
+    "area_null_quantile": "area metric that a model without error stays below at the level",
+    "residual_chi_squared": "sum of squares of the residuals of values used before",
+    "residual_p_value": "probability of a larger sum of squares of these residuals",
+}
+_ESTIMATES_OF_VALIDATION = {
+    "joint_p_value": "share of the draws that lie farther out than all measured values together",
+    "share_inside": "share of the measured values inside the band of the draws",
+    "share_p_value": "share of the draws whose share inside differs more from the level",
+    "ks_p_value": "share of the draws whose PIT values are farther from uniform",
+    "area": "area metric: area between the distribution of the PIT values and the uniform one",
+    "area_p_value": "share of the draws with a larger area metric",
+}
+VALIDATION_STATISTICS = _by_name(
+    [
+        *(
+            Statistic(name, title, (MEASURED_ROW,), unit, has_bounds=False)
+            for name, (title, unit) in _OF_MEASURED_ROWS.items()
+        ),
+        Statistic(
+            "comparison_error",
+            "comparison error: mean of the model minus measured value",
+            (MEASURED_ROW,),
+            UnitRule.DIFFERENCE,
+            note_is_of_estimate=True,
+            own=EntryDimension(MEASURED_ROW, "count"),
+        ),
+        Statistic(
+            "detectable_error",
+            "error of the model at one measured value that the joint test finds in 80 %",
+            (MEASURED_ROW,),
+            UnitRule.DIFFERENCE,
+        ),
+        Statistic("row_verdict", "verdict on each", (MEASURED_ROW,), has_bounds=False, kind="text"),
+        *(Statistic(name, title, has_bounds=False) for name, title in _OF_VALIDATION.items()),
+        *(
+            Statistic(name, title, note_is_of_estimate=True)
+            for name, title in _ESTIMATES_OF_VALIDATION.items()
+        ),
+        Statistic(
+            "detectable_common_error",
+            "error of the model, the same at all, that the joint test finds in 80 %",
+            unit=UnitRule.DIFFERENCE,
+        ),
+        Statistic(
+            "mean_crps", "mean continuous ranked probability score", unit=UnitRule.DIFFERENCE
+        ),
+        Statistic("verdict", "verdict on all", has_bounds=False, kind="text"),
+    ]
+)
+
 # Shares of the variance over several models, which count the same.
 _MODEL_FORM_SHARES = [
     Statistic(name, title, shown=Shown(label))
@@ -1038,6 +1108,7 @@ _ALL = (
     *JOINT_STATISTICS.values(),
     *BOUND_STATISTICS.values(),
     *CALIBRATION_STATISTICS.values(),
+    *VALIDATION_STATISTICS.values(),
     *MODEL_FORM_STATISTICS.values(),
 )
 

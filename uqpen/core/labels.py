@@ -342,6 +342,8 @@ LOWER_THRESHOLD = "lower_threshold"
 CATEGORY = "category"
 # An event whose probability has bounds over intervals.
 BOUNDED_EVENT = "bounded_event"
+# A measured value that a model is compared with, by its number.
+MEASURED_ROW = "measured_row"
 # An event of several outputs.
 EVENT = "event"
 # An event whose sensitivities to the inputs' distributions a study requests.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from enum import Enum
+from enum import Enum, StrEnum
 from typing import Any
 
 from uqpen.core.labels import RANK
@@ -253,3 +253,14 @@ def derived(
         "shown": Shown(),
     }
     return replace(record, **{**own, **changes})
+
+
+class AcceptanceVerdict(StrEnum):
+    """Verdict on a requirement, by the interval of an estimate."""
+
+    MET = "met"
+    """The whole interval is accepted."""
+    NOT_MET = "not met"
+    """No value in the interval is accepted."""
+    NOT_DECIDED = "not decided"
+    """A part of the interval is accepted, or there is no interval."""

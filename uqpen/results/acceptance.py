@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass
-from enum import StrEnum
 from typing import Any
 
 import xarray as xr
@@ -28,6 +27,7 @@ from uqpen.core.labels import (
     THRESHOLD,
 )
 from uqpen.core.quantities import parse_quantity
+from uqpen.core.statistic import AcceptanceVerdict
 from uqpen.core.status import Status
 from uqpen.designs.stopping.acceptance_claim import ERROR, parse_claim
 from uqpen.execution import status_counts
@@ -39,17 +39,6 @@ from uqpen.results.table import NOTHING, OutputTable
 
 # What has acceptance limits lies along one of these.
 _DIMENSIONS = (THRESHOLD, LOWER_THRESHOLD, EVENT)
-
-
-class AcceptanceVerdict(StrEnum):
-    """Verdict on a requirement, by the interval of an estimate."""
-
-    MET = "met"
-    """The whole interval is accepted."""
-    NOT_MET = "not met"
-    """No value in the interval is accepted."""
-    NOT_DECIDED = "not decided"
-    """A part of the interval is accepted, or there is no interval."""
 
 
 @dataclass(frozen=True)

@@ -497,3 +497,23 @@ FEW_EFFECTIVE_DRAWS = (
 ENDED_TOO_EARLY = (
     "the last level ended at at_most: draws correlate by {related:.2f} with where it began"
 )
+
+# A model compared with measurements.
+VALIDATION_INTERVAL = "Student t, k times the standard uncertainty of the comparison error"
+RANK_AMONG_DRAWS = "Clopper-Pearson, of the rank among the draws"
+BEYOND_NULL = "as far as a model without error reaches at the level"
+STUDENT_OVER_DRAWS = "Student t over draws, of other draws but not of other measurements"
+AS_INDEPENDENT_ROWS = (
+    "as if the values had no error in common, binomial p = {p:.2g}: judge by share_p_value"
+)
+ROWS_USED_BEFORE = "without {rows} values that inputs were fitted to"
+NO_NEW_ROWS = "each value is a bound, or inputs were fitted to it"
+FEW_DRAWS = "{draws} draws are too few: {needed} at least"
+SINGULAR_COVARIANCE = (
+    "some combination of the values has no scatter, neither among draws nor by errors of "
+    "measurement"
+)
+NOT_TESTED = "not in the joint test: a bound, or used before"
+MEASURED_BOUND = "no value was measured, but a bound"
+NO_NUMERICAL_STD = "without a numerical error, as none is stated"
+FAILED_DRAWS = "without {failed} of {draws} draws, in which a run failed"

@@ -17,6 +17,7 @@ from uqpen.charts.histograms import histogram
 from uqpen.charts.sweeps import sweep_charts
 from uqpen.core.labels import DIFFERENCES, OUTCOME_OUTPUT, RUNS, SURROGATES, THRESHOLD
 from uqpen.core.sampling import Sampling
+from uqpen.core.statistic import AcceptanceVerdict
 from uqpen.core.status import STATUS_TEXT, Status
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.execution import run_count, status_counts
@@ -46,7 +47,7 @@ from uqpen.report.sections.sentences import (
     rare_event_findings,
     requested_statistics,
 )
-from uqpen.results.acceptance import Acceptance, AcceptanceVerdict
+from uqpen.results.acceptance import Acceptance
 from uqpen.results.archive_view import ArchiveView, output_title
 from uqpen.results.digits import count_text, estimate_text, grouped_number, percent_texts
 from uqpen.results.error_statement import error_tables

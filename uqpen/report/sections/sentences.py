@@ -18,12 +18,12 @@ from uqpen.core.arrays import FloatArray
 from uqpen.core.catalogue import CATALOGUE, MEAN, QUANTILE, REQUESTED, STD
 from uqpen.core.labels import CATEGORY, INTERVAL_LEVEL, OUTCOME_OUTPUT, RUNS, SURROGATES
 from uqpen.core.sampling import Sampling
-from uqpen.core.statistic import Statistic, UnitRule
+from uqpen.core.statistic import AcceptanceVerdict, Statistic, UnitRule
 from uqpen.core.status import Status
 from uqpen.execution import run_count, status_counts
 from uqpen.models.outcomes import COMPLETED
 from uqpen.report.blocks import Finding, Fold, Heading
-from uqpen.results.acceptance import Acceptance, AcceptanceVerdict
+from uqpen.results.acceptance import Acceptance
 from uqpen.results.archive_view import ArchiveView, output_heading, output_title
 from uqpen.results.digits import (
     count_text,
