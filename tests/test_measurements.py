@@ -1,11 +1,20 @@
 """Measurements: covariance and likelihood against exact answers, places, repeats, rows by value."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy import integrate, stats
 
+import uqpen
+from uqpen.archive.structure import find_faults
 from uqpen.measurements import Experiments
+from uqpen.report.sections.summary import summary_lines
+from uqpen.results.json import archive_json
+from uqpen.results.output_tables import output_tables
 from uqpen.study.load import parse_study
+
+STUDIES = Path(__file__).parents[1] / "studies"
 
 LINE = """seed = 1
 [model]
@@ -210,3 +219,95 @@ def test_rows_of_equal_conditions_are_one_experiment_unless_a_column_tells_them_
     inputs = found.inputs({"a": np.array([5.0, 6.0])}, {"a": 0.0, "b": 0.0})
     assert inputs["a"].tolist() == [5.0] * count + [6.0] * count
     assert inputs["b"].tolist() == [1.0, 2.0] * 2 if count == 2 else [1.0, 1.0, 2.0] * 2
+
+
+@pytest.fixture(scope="module")
+def rods():
+    return uqpen.run(uqpen.load_study(STUDIES / "rod_measurements.toml"))
+
+
+def test_shots_teach_one_combination_of_a_target_alone(rods):
+    found = rods["calibrations/fit"]
+    best, *rest = found["combination_error"].values
+    assert best < 0.2
+    assert min(rest) > 1  # standard deviations of the priors: nothing beyond these
+    # Steady flow has the ratio of the radii alone: a larger one of the two is as good as a smaller
+    # other one.
+    plasticity, crater, density = found["combination_weight"].values[0]
+    assert plasticity * crater < 0
+    assert abs(density) < 0.3
+    text = " ".join(summary_lines(rods)).replace("\N{NO-BREAK SPACE}", " ")
+    assert "fits 12 measured values of shots" in text
+    assert "nothing on plasticity_radius, crater_radius, target_density alone" in text
+    assert not list(find_faults(rods))
+
+
+def test_targets_that_vary_are_drawn_anew_in_each_experiment(rods):
+    runs = rods["runs/prior"].to_dataset()
+    strength = runs["target_yield_limit"].values.reshape(400, 12)
+    radius = runs["crater_radius"].values.reshape(400, 12)
+    assert (np.ptp(radius, axis=1) == 0).all()
+    assert np.abs(np.corrcoef(strength.T) - np.eye(12)).max() < 0.25  # 5 standard errors
+    assert strength.std() == pytest.approx(40e6, rel=0.05)
+    velocity = runs["impact_velocity"].values.reshape(400, 12)
+    assert velocity.std(axis=0) == pytest.approx(np.full(12, 5.0), rel=0.2)
+
+
+def test_a_validation_has_a_row_for_each_measured_value(rods):
+    found = rods["validation/prior/penetration_depth"]
+    assert found["bound_side"].values.tolist() == [0] * 11 + [1]
+    assert found["measured"].values[0] == 0.479
+    assert found["condition"].values[:, 0].tolist()[:2] == [1050.0, 1120.0]
+    assert 0.05 < found["joint_p_value"].values[0] < 1
+    assert found["verdict"].item() == "not decided"
+    tables = {each.title: each for each in output_tables(rods)}
+    rows = dict(tables["penetration_depth at the experiments of prior [mm]"].rows)
+    label = "1, impact_velocity 1050 m/s, projectile_length 16 cm"
+    assert rows[label][0] == "479 ± 13"
+    assert rows[label][-1] == "not decided"
+    json = archive_json(rods)["designs"]["prior"]["validation"]["penetration_depth"]
+    assert json["units"] == "m"
+
+
+def run_line(tmp_path, text, **more):
+    (tmp_path / "line.py").write_text(MODEL)
+    return uqpen.run(parse_study(text, folder=tmp_path), **more)
+
+
+SHOTS = LINE
+for old, new in (
+    ('unknown = ["a", "b"]', 'conditions = ["b"]\nunknown = ["a"]'),
+    ("x = [0, 1, 2, 3]", "b = [1, 2, 3]\nx = [1, 2, 3]"),
+    ("y = [1.1, 2.9, 5.2, 6.8]", "y = [2.1, 4.9, 10.2]"),
+    ('kind = "least-squares"', 'kind = "monte-carlo"\nruns = 40'),
+    ('measured = ["line"]', 'at = "line"'),
+):
+    SHOTS = SHOTS.replace(old, new)
+
+
+def test_rows_that_inputs_were_fitted_to_are_known_by_value_and_decide_nothing(tmp_path):
+    text = f"{SHOTS}[validation.line]\naccept = {{ y = 1000 }}\n"
+    whole = run_line(tmp_path, text)["validation/fit/y"]
+    assert whole["verdict"].item() == "met"
+    # A copy in another order, with another row.
+    (tmp_path / "copy.csv").write_text("y,x,b\n4.9,2,2\n7,7,7\n2.1,1,1\n".replace("7,7", "7,5"))
+    found = run_line(tmp_path, f'{text}fitted = "copy.csv"\nfitted_inputs = 1\n')[
+        "validation/fit/y"
+    ]
+    assert found["used_before"].values.tolist() == [1, 1, 0]
+    assert found["row_verdict"].values.tolist() == ["not decided", "not decided", "met"]
+    assert found["residual_chi_squared"].size == 1
+
+
+def test_a_further_experiment_makes_its_own_runs_alone(tmp_path, command_line):
+    (tmp_path / "line.py").write_text(MODEL)
+    study = tmp_path / "line.toml"
+    study.write_text(SHOTS)
+    assert command_line("study", str(study)).code == 0
+    more = SHOTS.replace("b = [1, 2, 3]", "b = [1, 2, 3, 4]").replace(
+        "x = [1, 2, 3]", "x = [1, 2, 3, 2]"
+    )
+    study.write_text(more.replace("y = [2.1, 4.9, 10.2]", "y = [2.1, 4.9, 10.2, 9]"))
+    outcome = command_line("study", str(study))
+    assert outcome.code == 0
+    assert "120 of 160 runs already done" in outcome.err

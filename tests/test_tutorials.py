@@ -52,6 +52,16 @@ def test_it_ends_at_a_page_of_ones_own_model(name, follow):
     follow(name)
 
 
+def test_measurements_teach_the_values_that_they_were_made_with(follow):
+    folder = follow("measurements")
+    for name, truth in (("ward", [0.42, 0.14]), ("pump", [0.12, 0.12])):
+        found = uqpen.open_archive(folder / "archives" / f"{name}.nc")["calibrations/fit"]
+        values = found["unknown_value"].values
+        scale = [1 / 86400] * 2 if name == "ward" else [1e6, 1]
+        assert (values[:, 1] < np.multiply(truth, scale)).all()
+        assert (values[:, 2] > np.multiply(truth, scale)).all()
+
+
 def test_ignition_is_steepest_where_branching_overtakes_termination(follow):
     cantera = pytest.importorskip(
         "cantera", reason="there is no cantera here (pip install cantera)"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
@@ -15,6 +15,7 @@ import scipy
 
 from uqpen.core.arrays import Arrays, FloatArray, IntArray
 from uqpen.core.files import FileSnapshot
+from uqpen.core.labels import MEASURED_CONDITION, MEASURED_ROW
 from uqpen.core.variables import Output
 
 if TYPE_CHECKING:
@@ -178,6 +179,19 @@ class MeasuredOutputs:
         return found
 
 
+# How far off a model may be at them.
+
+
+@dataclass(frozen=True)
+class ValidationSettings:
+    """A section ``[validation.<name>]``: what is accepted, and what is known beside the runs."""
+
+    accept: Mapping[str, float] = field(default_factory=dict)  # by output, in SI units
+    numerical_std: Mapping[str, float] = field(default_factory=dict)  # by output, in SI units
+    fitted: MeasuredOutputs | None = None  # the rows that inputs were fitted to, if any
+    fitted_inputs: int = 0  # number of these inputs
+
+
 # Measurements of one or several sections, one after the other.
 
 
@@ -240,6 +254,50 @@ class Experiments:
     def sizes(self) -> tuple[UnknownSize, ...]:
         """Standard deviations that are not known, in the order of the outputs that have them."""
         return tuple(each.errors.size for _, each in self.outputs if each.errors.size is not None)
+
+    def described_rows(self, own: slice) -> Iterator[tuple[str, xr.DataArray]]:
+        """Yield what is known of some rows, by the names of the catalogue: numbers and conditions.
+
+        Parameters
+        ----------
+        own : slice
+            The rows.
+        """
+        import xarray as xr
+
+        rows = len(self.values)
+        conditions: dict[str, FloatArray] = {}
+        lines = np.concatenate([each.lines for _, each in self.outputs])
+        first = 0
+        for section in self.sections:
+            inside = slice(first, first + sum(len(each.values) for each in section.outputs))
+            start = int(self.experiment[first]) - int(section.outputs[0].experiment[0])
+            for name, values in section.conditions.items():
+                column = conditions.setdefault(name, np.full(rows, np.nan))
+                column[inside] = values[self.experiment[inside] - start]
+            first = inside.stop
+        for each, of_output in self.rows:
+            for name, values in each.places.items():
+                conditions.setdefault(name, np.full(rows, np.nan))[of_output] = values
+        along = {MEASURED_ROW: np.arange(1, len(lines[own]) + 1)}
+        for name, numbers in (
+            ("experiment_number", self.experiment + 1),
+            ("file_row", lines),
+            ("bound_side", self.censoring),
+        ):
+            yield name, xr.DataArray(numbers[own], along, (MEASURED_ROW,))
+        if conditions:
+            whole = np.stack([*conditions.values()], axis=-1)[own]
+            both = along | {MEASURED_CONDITION: [*conditions]}
+            yield "condition", xr.DataArray(whole, both, (MEASURED_ROW, MEASURED_CONDITION))
+
+    @property
+    def rows(self) -> Iterator[tuple[MeasuredOutput, slice]]:
+        """The measured outputs, each with its rows."""
+        at = 0
+        for _, each in self.outputs:
+            yield each, slice(at, at + len(each.values))
+            at += len(each.values)
 
     @property
     def freedom(self) -> float:
@@ -377,10 +435,7 @@ class Experiments:
         rows = len(self.values)
         found = np.zeros((rows, rows))
         left = list(sizes)
-        at = 0
-        for _, each in self.outputs:
-            own = slice(at, at + len(each.values))
-            at = own.stop
+        for each, own in self.rows:
             size = float(left.pop(0)) if each.errors.size is not None else 0.0
             found[own, own] = each.errors.covariance(predicted[own], size, each.correlation)
         if slopes is not None and len(slopes):

@@ -52,8 +52,9 @@ def test_all_groups_of_an_archive_are_declared():
     tree = uqpen.run(uqpen.parse_study(STUDY))
     found = {group_place(node.path)[0] for node in tree.subtree}
     # Bounds are of a design for intervals, without surrogates: see `test_interval_bounds`. Noise
-    # is seen in a model of one's own. Unknowns need measurements: see `test_least_squares`.
-    absent = {"trajectory", "files", "noise", "bounds", "calibrations"}
+    # is seen in a model of one's own. Two groups need measurements: see `test_least_squares` and
+    # `test_measurements`.
+    absent = {"trajectory", "files", "noise", "bounds", "calibrations", "validation"}
     assert found == GROUPS.keys() - absent | {""}
     for name, group in GROUPS.items():
         for level in [tree, *tree["models"].children.values()]:

@@ -5,6 +5,7 @@ import zlib
 
 import numpy as np
 import pytest
+from interrupted_study import check_interruptions_and_workers
 from scipy import optimize, stats
 
 import uqpen
@@ -287,3 +288,28 @@ def test_an_input_that_no_measurement_teaches_is_an_error_with_its_name():
     measured = {**DECAY, "unknown": ["amount", "idle"], "fixed": ["rate"]}
     with pytest.raises(StudyError, match="no measured output changes with idle"):
         uqpen.run(study(measured, starts=2))
+
+
+@pytest.mark.processor
+def test_neither_interruptions_nor_workers_change_a_byte(tmp_path):
+    check_interruptions_and_workers(
+        tmp_path,
+        """kind = "least-squares"
+measured = ["rows"]
+starts = 2
+at_most = 400
+[designs.draws]
+kind = "latin-hypercube"
+runs = 20
+at = "rows"
+[measured.rows]
+unknown = ["a"]
+varies = ["b"]
+experiment = "shot"
+table = { shot = [1, 2, 3], "depth [m]" = [1.3, 1.1, 1.6] }
+[measured.rows.depth]
+std = "5 %"
+""",
+        stops=(2, 6, 9),
+        depth="(1 + a + a**2) * (1 + 0.1 * b)",
+    )

@@ -104,4 +104,4 @@ def test_one_mistake_in_the_measurements_is_one_message(tmp_path):
 def test_each_input_is_listed_with_its_role(tmp_path):
     (tmp_path / "line.py").write_text(MODEL)
     found = list(role_lines(parse_study(LINE, folder=tmp_path)))
-    assert found == ["measured line: 1 experiments, 4 values; unknown a, b"]
+    assert found == ["measured line: 1 experiment, 4 values; unknown a, b"]

@@ -13,6 +13,7 @@ from uqpen.core.catalogue import (
     FAILURE_STATISTICS,
     JOINT_STATISTICS,
     MODEL_FORM_STATISTICS,
+    VALIDATION_STATISTICS,
 )
 from uqpen.core.labels import (
     BENCHMARK,
@@ -30,6 +31,7 @@ from uqpen.core.labels import (
     STATISTICS_GROUP,
     SURROGATES,
     TRAJECTORY,
+    VALIDATION,
 )
 from uqpen.core.statistic import Statistic
 
@@ -63,7 +65,7 @@ class Group:
     # statistics of a design's runs as a whole are a table by their records.
     tables: str = ""
     # Reference to a function of the statistics of a model and the name of a design, which returns
-    # keys and values for the design. Without one, such statistics are JSON by their records.
+    # keys and values for the design. Without one, statistics by `writer` are JSON by their records.
     json: str = ""
     rank: int = 99  # place of its tables and of its rows in the long table
     title: str = ""  # title of the table by its records
@@ -117,6 +119,14 @@ GROUPS: Mapping[str, Group] = {
         writer="uqpen.workflow.model_groups:calibration_statistics",
         tables="uqpen.results.calibrations:calibration_tables",
         rank=1,
+    ),
+    # Of each output that was measured, at the experiments of a design.
+    VALIDATION: Group(
+        levels=("design", "output"),
+        statistics=VALIDATION_STATISTICS,
+        tables="uqpen.results.validations:validation_tables",
+        json="uqpen.results.validations:validation_json",
+        rank=0,
     ),
     SURROGATES: Group(
         levels=("surrogate", "output"), check="uqpen.archive.structure:find_surrogate_faults"

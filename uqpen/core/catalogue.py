@@ -34,6 +34,7 @@ from uqpen.core.labels import (
     INTERVAL_LABEL,
     LOWER_CONTENT,
     LOWER_THRESHOLD,
+    MEASURED_CONDITION,
     MEASURED_ROW,
     MINIMUM,
     MOMENTS,
@@ -920,8 +921,45 @@ _OF_FIT = {
     "model_noise": "noise of the model, in standard deviations of a residual",
     "difference_step": "first step of difference quotients, in standard deviations of the priors",
 }
+# What is known of each measured value, in SI units.
+_DESCRIBED_ROWS = [
+    Statistic("experiment_number", "number of the experiment", (MEASURED_ROW,), has_bounds=False),
+    Statistic("file_row", "number of the row in its file", (MEASURED_ROW,), has_bounds=False),
+    Statistic(
+        "bound_side",
+        "1 of a bound from below, -1 of one from above, 0 of a value",
+        (MEASURED_ROW,),
+        has_bounds=False,
+    ),
+    Statistic(
+        "condition",
+        "condition or place of a measured value",
+        (MEASURED_ROW, MEASURED_CONDITION),
+        has_bounds=False,
+        own=EntryDimension(MEASURED_CONDITION, "text"),
+    ),
+]
 CALIBRATION_STATISTICS = _by_name(
     [
+        *_DESCRIBED_ROWS,
+        Statistic(
+            "measured_output",
+            "output of a measured value",
+            (MEASURED_ROW,),
+            has_bounds=False,
+            kind="text",
+            own=EntryDimension(MEASURED_ROW, "count"),
+        ),
+        Statistic("measured", "measured value", (MEASURED_ROW,), has_bounds=False),
+        Statistic(
+            "measured_std",
+            "standard deviation of a measured value about the model",
+            (MEASURED_ROW,),
+            has_bounds=False,
+        ),
+        Statistic(
+            "fitted", "result of the model at the minimum", (MEASURED_ROW,), has_bounds=False
+        ),
         *(Statistic(name, title, has_bounds=False) for name, title in _OF_FIT.items()),
         Statistic(
             "unknown_value",
@@ -999,6 +1037,7 @@ _ESTIMATES_OF_VALIDATION = {
 }
 VALIDATION_STATISTICS = _by_name(
     [
+        *_DESCRIBED_ROWS,
         *(
             Statistic(name, title, (MEASURED_ROW,), unit, has_bounds=False)
             for name, (title, unit) in _OF_MEASURED_ROWS.items()
@@ -1030,6 +1069,11 @@ VALIDATION_STATISTICS = _by_name(
         ),
         Statistic(
             "mean_crps", "mean continuous ranked probability score", unit=UnitRule.DIFFERENCE
+        ),
+        Statistic(
+            "score_difference",
+            "mean score of the first model minus that of this one",
+            unit=UnitRule.DIFFERENCE,
         ),
         Statistic("verdict", "verdict on all", has_bounds=False, kind="text"),
     ]

@@ -151,6 +151,7 @@ RUNS = "runs"
 STATISTICS_GROUP = "statistics"
 FAILURES_GROUP = "failures"
 CALIBRATIONS = "calibrations"
+VALIDATION = "validation"
 JOINT_GROUP = "joint_probabilities"
 BOUNDS_GROUP = "bounds"
 # Kind of a source (a design, a surrogate or a publication), and the citation of a publication.
@@ -344,6 +345,8 @@ CATEGORY = "category"
 BOUNDED_EVENT = "bounded_event"
 # A measured value that a model is compared with, by its number.
 MEASURED_ROW = "measured_row"
+# A condition of it, or a dimension along which it has a place.
+MEASURED_CONDITION = "measured_condition"
 # An event of several outputs.
 EVENT = "event"
 # An event whose sensitivities to the inputs' distributions a study requests.

@@ -186,6 +186,8 @@ class SearchSettings:
     at_most: int = 10_000  # runs
     level: float = 0.0  # confidence level of profile-likelihood intervals; 0 for none
     freedom: float = math.inf  # degrees of freedom of errors that are known from repeats
+    # A search goes on until the next step is this part of a standard error.
+    precision: float = 1e-6
 
     def quantile(self, freedom: int) -> float:
         """Half-width of an interval in standard errors: normal where errors are known, else t."""
@@ -196,10 +198,7 @@ class SearchSettings:
         return float(stdtrit(freedom, upper)) if freedom > 0 else math.nan
 
 
-# A point has converged where the next step changes no unknown by this part of a standard error, or
-# by what the noise of the model hides.
-_CONVERGED = 1e-6
-# A step that changes all of them by less is too short to go on.
+# A step that changes all unknowns by less, in standard errors, is too short to go on.
 _TOO_SHORT = 1e-8
 # Within this part of a standard error of a minimum, profiles are followed from it.
 NEAR_MINIMUM = 0.05
@@ -237,6 +236,22 @@ class LinearModel:
             found: FloatArray = np.sqrt(((right / values[:, np.newaxis]) ** 2).sum(axis=0))
         return found
 
+    def is_near(self, point: FloatArray, part: float) -> bool:
+        """Return whether it is within a part of its standard errors from a point."""
+        return bool((np.abs(self.point - point) < part * self.standard_errors).all())
+
+    @property
+    def end_distance(self) -> FloatArray:
+        """Distance from an end at which an unknown is held there, shape (unknown,)."""
+        with np.errstate(divide="ignore"):
+            found: FloatArray = _AT_END / np.sqrt((self.jacobian**2).sum(axis=0))
+        return found
+
+    def is_at_end(self, axis: int) -> bool:
+        """Return whether an unknown is held at an end of its range."""
+        distance = min(self.point[axis] - self.lower[axis], self.upper[axis] - self.point[axis])
+        return bool(distance < self.end_distance[axis])
+
     def is_minimum(self, settings: SearchSettings) -> bool:
         """Return whether the next step is short beside the standard errors."""
         scale = self.scale(errors_are_known=settings.errors_are_known)
@@ -254,9 +269,7 @@ class LinearModel:
             if free.any():
                 step[free] = np.linalg.lstsq(self.jacobian[:, free], -self.residuals, rcond=None)[0]
             distance = np.where(step < 0, self.point - self.lower, self.upper - self.point)
-            with np.errstate(divide="ignore"):
-                near = distance < _AT_END / np.sqrt((self.jacobian**2).sum(axis=0))
-            leaves = free & (np.abs(step) > distance) & near
+            leaves = free & (np.abs(step) > distance) & (distance < self.end_distance)
             if not leaves.any():
                 return step, float(np.linalg.norm(self.jacobian @ step))
             free &= ~leaves
@@ -306,6 +319,20 @@ class LeastSquaresPoints:
     axis: IntArray
 
     @classmethod
+    def around(
+        cls, point: FloatArray, run: int, moved: int, *, with_point: bool = False
+    ) -> LeastSquaresPoints:
+        """Return the points that move each input which is new in each experiment, by both sides.
+
+        With the point itself, that is run number `run`.
+        """
+        own, dimension = int(with_point), len(point)
+        axis = np.concatenate([[NO_AXIS] * own, dimension + np.arange(2 * moved)]).astype(np.int64)
+        points = np.repeat(point[np.newaxis], len(axis), axis=0)
+        origin = np.where(axis == NO_AXIS, -1, run)
+        return cls(points, np.zeros(len(axis), dtype=np.int64), origin, axis)
+
+    @classmethod
     def joined(cls, rounds: Sequence[LeastSquaresPoints], dimension: int) -> LeastSquaresPoints:
         """Return the points of several rounds, in their order."""
         none = np.empty(0, dtype=np.int64)
@@ -320,6 +347,12 @@ class SearchEnd(NamedTuple):
 
     flat: set[int]  # unknowns with which the residuals change at no start
     minima: Mapping[int, LinearModel | None]  # where the search from each start has ended
+
+    def next_starts(self, starts: FloatArray) -> FloatArray:
+        """Return where the searches have ended, or else began."""
+        minima = (self.minima.get(number) for number in range(len(starts)))
+        pairs = zip(starts, minima, strict=True)
+        return np.array([start if at is None else at.point for start, at in pairs])
 
 
 # It yields points and is sent the whitened residuals of their runs, shape (run, residual), with NaN
@@ -603,7 +636,7 @@ class _Descent:
 
     def _derivatives(self, point: FloatArray) -> FloatArray:
         last = self._move_to(point)
-        self._end_within(last, last.newton_step[1], _CONVERGED)
+        self._end_within(last, last.newton_step[1], self._settings.precision)
         return last.jacobian
 
     def _end_within(self, at: LinearModel, length: float, part: float) -> None:
@@ -766,15 +799,23 @@ def search_experiments(
     """
     made: list[LeastSquaresPoints] = []
     predicted = np.empty((0, len(measured.values)))
-    run, weighed, last = NO_RUN, 0, None
+    run = NO_RUN
+    reached: list[FloatArray] = []  # minima so far
     is_weighted = measured.has_fixed_errors
+    if not is_weighted:
+        asked = LeastSquaresPoints.around(starts[0], 0, len(measured.moved), with_point=True)
+        made, predicted = [asked], (yield asked, NO_RUN)
+        run = NO_RUN if np.isnan(predicted[0]).any() else 0
     while True:
         whole = LeastSquaresPoints.joined(made, starts.shape[1])
         residuals = WeightedResiduals.of(measured, whole, predicted, run)
         known = KnownRuns(lower, upper)
         known.add(whole, residuals(predicted))
-        # Ends of profiles are looked for once.
-        stage = settings if is_weighted else replace(settings, level=0.0)
+        # Ends of profiles are looked for once, and weights are good to a part of a standard error.
+        stage = settings
+        if not measured.has_fixed_errors:
+            level, part = (settings.level, 0.1) if is_weighted else (0.0, 1.0)
+            stage = replace(settings, level=level, precision=part * _WEIGHED)
         search = search_least_squares(starts, known, stage)
         try:
             asked = next(search)
@@ -790,25 +831,16 @@ def search_experiments(
         if is_weighted or ended.flat or not found:
             return ended.flat
         least = min(found, key=lambda each: each.sum_of_squares)
-        if last is not None:
-            shift = np.abs(least.point - last) / least.standard_errors
-            is_weighted = bool(shift.max() < _WEIGHED) or weighed == _MOST_WEIGHTS
-        if is_weighted:
+        stays = any(least.is_near(each, _WEIGHED) for each in reached[-1:])
+        if is_weighted := stays or len(reached) == _MOST_WEIGHTS:
             continue
-        last, weighed = least.point, weighed + 1
+        reached.append(least.point)
         run = known.numbers[least.point.tobytes()]
-        minima = (ended.minima.get(number) for number in range(len(starts)))
-        starts = np.array(
-            [start if at is None else at.point for start, at in zip(starts, minima, strict=True)]
-        )
-        moved = len(measured.moved)
-        if moved:
+        starts = ended.next_starts(starts)
+        if moved := len(measured.moved):
             if known.runs + 2 * moved > settings.at_most:
                 return set()
-            axis = starts.shape[1] + np.arange(2 * moved)
-            points = np.repeat(least.point[np.newaxis], 2 * moved, axis=0)
-            zero = np.zeros(2 * moved, dtype=np.int64)
-            asked = LeastSquaresPoints(points, zero, zero + run, axis)
+            asked = LeastSquaresPoints.around(least.point, run, moved)
             results = yield asked, run
             made.append(asked)
             predicted = np.concatenate([predicted, results])
@@ -818,6 +850,8 @@ def search_experiments(
 
 # The other starts are within this share of each prior.
 _BOX = 0.98
+# A search leaves out this share of it: where the data teach next to nothing, it would go anywhere.
+_OUTSIDE = 1e-3
 # So far inside the end of a support a search stays, in standard deviations of the prior.
 _INSIDE = 1e-9
 
@@ -829,7 +863,8 @@ class Unknowns:
     names: tuple[str, ...]
     median: FloatArray  # (unknown,): in SI units
     std: FloatArray  # standard deviations of the priors, or half the 68 % of one that has none
-    lower: FloatArray  # ends of the supports in working coordinates
+    # Ends of the search in working coordinates: nearly all of the priors, and what the model takes.
+    lower: FloatArray
     upper: FloatArray
 
     @classmethod
@@ -843,9 +878,10 @@ class Unknowns:
 
     @staticmethod
     def _row(entry: RandomInput) -> tuple[float, ...]:
-        prior = entry.distribution
-        ends = (float(prior.ppf(np.array(0.0))), float(prior.isf(np.array(0.0))))
-        return (entry.nominal, prior_scale(entry), *ends)
+        prior, possible = entry.distribution, entry.variable.bounds
+        lower = max(float(prior.ppf(np.array(_OUTSIDE / 2))), possible.lower)
+        upper = min(float(prior.isf(np.array(_OUTSIDE / 2))), possible.upper)
+        return entry.nominal, prior_scale(entry), lower, upper
 
     def starts(self, joint: JointDistribution, number: int, stream: Stream) -> FloatArray:
         """Return the medians and, beside them, Sobol' points of the box of the priors."""

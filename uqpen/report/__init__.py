@@ -50,6 +50,13 @@ SECTIONS = {
         absence_note="completed runs that are a sample of the inputs",
         contents="Distributions",
     ),
+    "measurements": ReportSection(
+        "The model and the measurements",
+        "Each point is a measured value. On the line, model and measurement are equal; errors of "
+        "the model beyond two of their uncertainties are rare where it is right.",
+        "uqpen.report.sections.comparisons:measurements",
+        contents="Measurements",
+    ),
     "curves": ReportSection(
         "Curves and fields",
         "Outputs along dimensions. Move the place of a curve to read off its estimates, its runs "

@@ -7,7 +7,7 @@ from typing import Any
 
 import xarray as xr
 
-from uqpen.archive.groups import DESIGN_GROUPS, GROUPS, Group, group_names
+from uqpen.archive.groups import GROUPS, Group, group_names
 from uqpen.core.labels import BOUND
 from uqpen.core.lookup import resolve
 from uqpen.results.digits import number_text
@@ -35,10 +35,10 @@ def group_tables(tree: xr.DataTree, *, is_of_model: bool) -> Iterator[OutputTabl
 def design_json(statistics: SourceStatistics, design: str) -> dict[str, Any]:
     """Return the statistics of a design's runs as a whole."""
     found: dict[str, Any] = {}
-    for name, group in DESIGN_GROUPS.items():
+    for name, group in GROUPS.items():
         if group.json:
             found |= resolve(group.json)(statistics, design)
-        elif arrays := statistics.of_runs(name, design):
+        elif group.writer and (arrays := statistics.of_runs(name, design)):
             found[name] = {key: entries_json(each, _entry_json) for key, each in arrays.items()}
     return found
 

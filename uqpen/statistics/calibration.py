@@ -16,6 +16,7 @@ from uqpen.core.arrays import FloatArray
 from uqpen.core.catalogue import CALIBRATION_STATISTICS
 from uqpen.core.labels import (
     COMBINATION,
+    MEASURED_ROW,
     MINIMUM,
     MOVED_AXIS,
     OTHER_UNKNOWN,
@@ -43,6 +44,7 @@ from uqpen.designs.least_squares import (
     profile_level,
 )
 from uqpen.distributions.joint_distribution import JointDistribution
+from uqpen.measurements import Experiments
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
 
@@ -89,8 +91,10 @@ class SearchRuns:
     @property
     def noise(self) -> ModelNoise:
         """Noise of the model, from the last of the lines of runs that measured it."""
-        is_noise = self.searched.axis[NOISE_RUNS - 1 :: NOISE_RUNS] == NOISE_AXIS
-        line = slice(*(NOISE_RUNS * (int(np.argmin([*is_noise, False])) + end) for end in (-1, 0)))
+        first = int(np.argmax(self.searched.axis == NOISE_AXIS))
+        is_noise = self.searched.axis[first + NOISE_RUNS - 1 :: NOISE_RUNS] == NOISE_AXIS
+        lines = int(np.argmin([*is_noise, False]))
+        line = slice(first + NOISE_RUNS * (lines - 1), first + NOISE_RUNS * lines)
         first, second = self.searched.points[line][:2]
         return ModelNoise.of(self.residuals[line], float(np.linalg.norm(second - first)))
 
@@ -264,6 +268,8 @@ class FittedUnknowns:
         """Return an unknown with its interval by the linear model at the minimum."""
         value, error = float(self.at.point[axis]), float(self.standard_errors[axis])
         note = "" if self.has_converged else texts.NOT_CONVERGED.format(step=self.next_step)
+        if self.at.is_at_end(axis):
+            note = "; ".join(filter(None, (note, texts.AT_END_OF_PRIOR)))
         if self.other_minima:
             note = "; ".join(filter(None, (note, texts.OTHER_MINIMA)))
         half = self.quantile * error
@@ -355,6 +361,7 @@ def fit_statistics(
     fitted = FittedUnknowns.of(searched, level)
     if fitted is None:
         return
+    yield from _row_statistics(measured, predicted, weighted, searched, fitted)
     along = {UNKNOWN: [*unknowns.names]}
     diagnosis = {
         "sum_of_squares": fitted.at.sum_of_squares,
@@ -414,3 +421,26 @@ def fit_statistics(
     yield "minimum_sum_of_squares", xr.DataArray(sums, numbered, (MINIMUM,))
     places = np.array([unknowns.median + unknowns.std * each.point for each in minima])
     yield "minimum_value", xr.DataArray(places, numbered | along, (MINIMUM, UNKNOWN))
+
+
+def _row_statistics(
+    measured: Experiments,
+    predicted: FloatArray,
+    weighted: WeightedResiduals,
+    runs: SearchRuns,
+    fitted: FittedUnknowns,
+) -> Iterator[tuple[str, xr.DataArray]]:
+    """Yield the measured values, their errors about the model, and the model at the minimum."""
+    yield from measured.described_rows(slice(None))
+    at_minimum = (runs.searched.points == fitted.at.point).all(axis=1)
+    run = int(np.flatnonzero(at_minimum & (runs.searched.axis == NO_AXIS))[0])
+    names = [each.output.name for each, own in measured.rows for _ in measured.values[own]]
+    along = {MEASURED_ROW: np.arange(1, len(names) + 1)}
+    std = fitted.scale * np.sqrt(np.diag(weighted.likelihood.covariance))
+    for name, values in (
+        ("measured_output", np.array(names, dtype=object)),
+        ("measured", measured.values),
+        ("measured_std", std),
+        ("fitted", predicted[run]),
+    ):
+        yield name, xr.DataArray(values, along, (MEASURED_ROW,))

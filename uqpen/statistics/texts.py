@@ -471,6 +471,7 @@ LINEAR_REPEATS = (
 PROFILE_LIKELIHOOD = "profile likelihood"
 NOT_TAUGHT = "the measurements do not determine it: see the combinations"
 NOT_CONVERGED = "not converged: the next step is {step:.1g} standard errors"
+AT_END_OF_PRIOR = "at the end of what its prior and the model admit: the data would go further"
 OTHER_MINIMA = "another minimum is nearly as low: see the minima"
 BENT = "the model is not linear over this interval: that of the profile holds as often as it says"
 NO_PROFILE_ASKED = "no profile was asked for"

@@ -24,7 +24,7 @@ from uqpen.core.model import Output
 from uqpen.core.statistic import AcceptanceVerdict, UnitRule
 from uqpen.core.streams import Stream
 from uqpen.core.units import DIMENSIONLESS
-from uqpen.measurements import AT_LEAST, AT_MOST, EXACTLY
+from uqpen.measurements import AT_LEAST, AT_MOST, EXACTLY, Experiments, ValidationSettings
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.intervals import (
@@ -258,6 +258,46 @@ def kolmogorov_distance(pit: FloatArray) -> FloatArray:
     steps = np.linspace(0.0, 1.0, pit.shape[-1] + 1)
     found = np.maximum(steps[1:] - ascending, ascending - steps[:-1])
     return np.asarray(found.max(axis=-1))
+
+
+# The validations of the runs of a design at experiments.
+
+
+def validations_at_experiments(
+    experiments: Experiments,
+    settings: ValidationSettings,
+    runs: xr.Dataset,
+    stream: Stream,
+    level: float,
+) -> Iterator[Validation]:
+    """Yield the validation of each measured output by the runs of a design at experiments.
+
+    Where the errors of measurement depend on the model, they are those at its mean. A size that is
+    not known is the root mean square of its prior.
+    """
+    predicted = experiments.predicted(runs)
+    completed = np.isfinite(predicted).all(axis=1)
+    at = predicted[completed].mean(axis=0) if completed.any() else experiments.values
+    covariance = experiments.covariance(at, [each.scale for each in experiments.sizes])
+    normal = stream.generator("errors of measurement").standard_normal(predicted.shape)
+    errors = normal @ np.linalg.cholesky(covariance).T
+    (section,) = experiments.sections
+    used = {*settings.fitted.row_hashes} if settings.fitted else set()
+    used_before = np.array([each in used for each in section.row_hashes])
+    for each, own in experiments.rows:
+        yield Validation(
+            measured=each.values,
+            censoring=each.censoring,
+            predicted=predicted[:, own],
+            errors=errors[:, own],
+            covariance=covariance[own, own],
+            used_before=used_before[own],
+            level=level,
+            stream=stream.child(each.output.name),
+            numerical_std=settings.numerical_std.get(each.output.name, 0.0),
+            accept=settings.accept.get(each.output.name),
+            fitted_inputs=settings.fitted_inputs,
+        )
 
 
 # The statistics of an archive.

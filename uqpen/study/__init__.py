@@ -72,6 +72,8 @@ SECTIONS: Mapping[str, Section] = {
     ),
     # Experiments that the model is compared with; designs refer to them.
     "measured": Section(field="measured", lines="uqpen.study.measured_section:role_lines", rank=5),
+    # How far off it may be there.
+    "validation": Section(field="validations"),
     "designs": Section(
         expected="at least one [designs.<name>]", lines="uqpen.study.summary:design_lines", rank=3
     ),
@@ -92,6 +94,7 @@ class SectionArguments(TypedDict, total=False):
     sweep: Mapping[str, object] | None
     joint: Mapping[str, object] | None
     measured: Mapping[str, object] | None
+    validation: Mapping[str, object] | None
     joint_probabilities: Mapping[str, object] | None
     surrogates: Mapping[str, object] | None
     published: Mapping[str, object] | None

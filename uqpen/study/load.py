@@ -50,7 +50,7 @@ from uqpen.study.designs_section import (
 from uqpen.study.document import Document, Objects, parse_document, read_document
 from uqpen.study.inputs_section import read_constraints, read_inputs
 from uqpen.study.joint_section import Inputs, read_dependence, read_groups
-from uqpen.study.measured_section import check_roles, read_measured
+from uqpen.study.measured_section import check_roles, read_measured, read_validations
 from uqpen.study.model_section import (
     check_stand_ins,
     check_sweep,
@@ -177,6 +177,9 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
         if section.settings and tables[key].is_given
     }
     sections = read_measured(tables["measured"], model if are_models_whole else None)
+    validations = read_validations(
+        tables["validation"], tables["measured"], sections, model if are_models_whole else None
+    )
     measured = {key: each for key, each in sections.items() if each is not None}
     methods = _read_methods(tables, model if are_models_whole else None, sections)
     inputs, joint, is_clear = _read_joint(
@@ -239,6 +242,7 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
         plan=tuple(each.text for each in plan.tables),
         left_out=heading.left_out,
         measured=measured,
+        validations=validations,
         swept=tuple(tables["sweep"]),
         **fields,
     )

@@ -25,6 +25,7 @@ from uqpen.measurements import (
     MeasuredOutputs,
     MeasurementErrors,
     UnknownSize,
+    ValidationSettings,
 )
 from uqpen.study.study import ValidatedStudy
 from uqpen.study.table_reader import TableReader, named_tables
@@ -522,6 +523,59 @@ def _covariance_file(table: TableReader, output: Output, rows: int) -> FloatArra
     return None
 
 
+# How far off a model may be at the experiments.
+
+
+def read_validations(
+    table: TableReader,
+    sections: TableReader,
+    measured: Mapping[str, MeasuredOutputs | None],
+    model: Model | None,
+) -> dict[str, ValidationSettings]:
+    """Read what is accepted of a model, by the names of measurements.
+
+    Parameters
+    ----------
+    table, sections : TableReader
+        The tables ``validation`` and ``measured``.
+    measured, model
+        What was read of the latter, and the model; None where a mistake was noted.
+    """
+    found = {}
+    for name, section in named_tables(table):
+        if name not in measured:
+            expected = f"the name of a [measured.<name>]; {section.suggest(name, measured)}"
+            section.add_wrong((), name, expected)
+        elif model is not None and measured[name] is not None:
+            accept = _by_output(section.table("accept"), model)
+            numerical = _by_output(section.table("numerical_std"), model)
+            fitted = None
+            if (written := section.take("fitted")) is not None:
+                content = {**sections.content[name], "file": written}
+                content.pop("table", None)
+                other = section.inside(content, "fitted")
+                fitted = _read_section(name, replace(other, path=section.path), model)
+            inputs = section.take("fitted_inputs") or 0
+            if not isinstance(inputs, int) or isinstance(inputs, bool) or inputs < 0:
+                expected = "the number of inputs that were fitted to these rows"
+                section.add_wrong("fitted_inputs", inputs, expected)
+            section.check_unknown_keys()
+            found[name] = ValidationSettings(accept, numerical, fitted, inputs)
+    return found
+
+
+def _by_output(table: TableReader, model: Model) -> dict[str, float]:
+    """Return a difference for each output of a table, in SI units."""
+    outputs, found = {each.name: each for each in model.all_outputs}, {}
+    for name, written in table.content.items():
+        if name not in outputs:
+            expected = f"an output of {model.name}; {table.suggest(name, outputs)}"
+            table.add_problem(name, "an unknown output", expected)
+        elif value := _difference(table, name, written, outputs[name].unit):
+            found[name] = value
+    return found
+
+
 # Each random input is one of four.
 
 
@@ -567,7 +621,8 @@ def role_lines(study: ValidatedStudy) -> Iterator[str]:
     """Yield what each input is in the face of measurements, in a line for each section."""
     for name, each in study.measured.items():
         rows = sum(len(of_output.values) for of_output in each.outputs)
-        parts = [f"{each.experiments} experiments, {rows} values"]
+        several = "s" * (each.experiments > 1)
+        parts = [f"{each.experiments} experiment{several}, {rows} values"]
         parts += [
             f"{role} {', '.join(names)}"
             for role, names in (

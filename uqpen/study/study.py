@@ -16,7 +16,7 @@ from uqpen.distributions.constraints import Constraint
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.execution import FailurePolicy
 from uqpen.execution.seeds import RunSeeds
-from uqpen.measurements import MeasuredOutputs
+from uqpen.measurements import MeasuredOutputs, ValidationSettings
 from uqpen.models.unloaded_model import UnloadedModel
 from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.joint_event import JointEvent
@@ -115,6 +115,8 @@ class ValidatedStudy:
     left_out: tuple[str, ...] = ()
     # Experiments that the model is compared with, by name.
     measured: Mapping[str, MeasuredOutputs] = field(default_factory=dict)
+    # How far off the model may be there, by the name of these.
+    validations: Mapping[str, ValidationSettings] = field(default_factory=dict)
     swept: tuple[str, ...] = ()  # inputs of which each of its models has another value
 
     @property
@@ -158,7 +160,9 @@ class ValidatedStudy:
         for variant in self.models.values():
             yield from variant.model.files()
         yield from self.joint.files
-        yield from (each.file for each in self.measured.values() if each.file is not None)
+        fitted = (each.fitted for each in self.validations.values() if each.fitted)
+        measured = (*self.measured.values(), *fitted)
+        yield from (each.file for each in measured if each.file is not None)
         for design in self.designs:
             yield from self.design_files(design)
         for origin in self.surrogate_origins.values():

@@ -12,6 +12,7 @@ from uqpen.core.lookup import family_name, resolve
 from uqpen.core.settings import declared_settings
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.designs import DESIGNS
+from uqpen.designs.at_experiments import DesignAtExperiments
 from uqpen.designs.design import RUNS
 from uqpen.designs.repeated import RepeatedDesign, each_point_once
 from uqpen.distributions.joint_distribution import DerivedInput, FixedInput
@@ -100,10 +101,14 @@ def design_rows(study: ValidatedStudy) -> Rows:
     rows: Rows = []
     for name, design in study.designs.items():
         once = each_point_once(design)
+        at = once.experiments.name if isinstance(once, DesignAtExperiments) else ""
+        once = once.drawn if isinstance(once, DesignAtExperiments) else once
         first = once.initial if isinstance(once, RefinedDesign) else once
         kind = family_name(DESIGNS, first) or type(first).__name__
         if isinstance(design, RefinedDesign):
             kind = f"{kind}, refined by {design.name}"
+        if at:
+            kind = f"{kind}, at the experiments of {at}"
         if isinstance(design, RepeatedDesign):
             kind = f"{kind}, {design.repeats} runs at each point"
         runs = f"{_at_most(design.ends_early)}{design.run_count(study.joint)}"
@@ -165,7 +170,8 @@ def default_run_lines(study: ValidatedStudy) -> Iterator[str]:
         is_default = bool(counts) and name in stated and counts.keys().isdisjoint(stated[name])
         if is_default and runs >= max(_MANY_RUNS, 0.9 * study.runs) and not study.model.vectorized:
             numbers = ", ".join(f"{key} = {value}" for key, value in counts.items())
-            yield f"warning: {name} makes {runs} of the {study.runs} runs by default ({numbers})"
+            count = f"{_at_most(design.ends_early)}{runs}"
+            yield f"warning: {name} makes {count} of the {study.runs} runs by default ({numbers})"
 
 
 def section_lines(study: ValidatedStudy) -> Iterator[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
@@ -29,14 +30,18 @@ from uqpen.core.labels import (
     STATISTICS_GROUP,
     SURROGATES,
     TRAJECTORY,
+    VALIDATION,
 )
 from uqpen.core.lookup import resolve
 from uqpen.core.processors import one_blas_thread
 from uqpen.core.sampling import Sampling
+from uqpen.core.streams import Stream
+from uqpen.designs.at_experiments import DesignAtExperiments
 from uqpen.designs.design import RUNS as KEPT_RUNS
 from uqpen.designs.repeated import RepeatedDesign
 from uqpen.execution import Progress
 from uqpen.execution.omitted_runs import omit_runs
+from uqpen.measurements import ValidationSettings
 from uqpen.results.failed_runs import record_causes
 from uqpen.statistics.analyze import (
     OutputStatistics,
@@ -53,6 +58,9 @@ from uqpen.study.identity import model_attributes
 from uqpen.study.study import ValidatedStudy
 from uqpen.workflow.design_runs import Runs
 from uqpen.workflow.noise_check import label_noise
+
+if TYPE_CHECKING:
+    from uqpen.statistics.validation import Validation
 
 Groups = Iterator[tuple[str, xr.Dataset]]
 
@@ -96,6 +104,7 @@ def model_groups(
         steps.start(f"statistics of {design}", model)
         sources[design] = _design_source(study, model, design, whole, runs)
         yield from _design_groups(study, design, every, own[design])
+        yield from _validation_groups(study, model, design, runs)
     for name in study.surrogates:
         from uqpen.workflow.surrogate_source import surrogate_source
 
@@ -251,6 +260,45 @@ def calibration_statistics(study: ValidatedStudy, runs: xr.Dataset) -> OutputSta
     design = next(each for each in designs if each.experiments.name == runs.attrs[MEASURED])
     with one_blas_thread():
         return dict(fit_statistics(design, study.joint, runs, study.confidence_level))
+
+
+def _validation_groups(
+    study: ValidatedStudy, model: str, design: str, runs: Mapping[str, Runs]
+) -> Groups:
+    """Yield what measurements say of a model, for each output and a design at experiments."""
+    made = study.designs[design]
+    if not isinstance(made, DesignAtExperiments):
+        return
+    from uqpen.statistics.validation import (
+        score_difference,
+        validation_statistics,
+        validations_at_experiments,
+    )
+
+    (section,) = made.experiments.sections
+    settings = study.validations.get(section.name, ValidationSettings())
+    stream = Stream(study.seed, "validation", design)
+
+    def validations(name: str) -> Iterator[Validation]:
+        return validations_at_experiments(
+            made.experiments, settings, runs[name][design], stream, study.confidence_level
+        )
+
+    first = next(iter(study.models))
+    with one_blas_thread():
+        pairs = zip(made.experiments.rows, validations(model), validations(first), strict=True)
+        for (each, own), found, of_first in pairs:
+            statistics = dict(made.experiments.described_rows(own))
+            statistics |= dict(validation_statistics(found, each.output))
+            if model != first:
+                difference = score_difference(of_first, found)
+                statistics["score_difference"] = difference.to_array(
+                    units=each.output.unit,
+                    long_name="difference of mean scores",
+                    level=study.confidence_level,
+                )
+            packed = pack(statistics).assign_attrs({MEASURED: section.name})
+            yield f"/{VALIDATION}/{design}/{each.output.name}", packed
 
 
 def _publication_groups(publication: Publication, path: str, runs: Runs, level: float) -> Groups:

@@ -38,6 +38,7 @@ from uqpen.report.sections.sentences import (
     default_statistic,
     joint_findings,
     main_outputs,
+    measurement_findings,
     moments,
     no_break,
     ordered_outputs,
@@ -127,7 +128,12 @@ def _stated_blocks(
 ) -> Iterator[Block]:
     """Yield the verdicts on limits, the sentences, and the design behind them."""
     verdicts = [each for entry in shown for each in entry.verdicts]
-    of_events = (*joint_findings(view, design), *rare_event_findings(view), *bound_findings(view))
+    of_events = (
+        *measurement_findings(view),
+        *joint_findings(view, design),
+        *rare_event_findings(view),
+        *bound_findings(view),
+    )
     if every := (*decision_findings(view), *verdicts, *of_events):
         yield Findings(every, is_verdict=True)
     if caveat := caveat_text(view, main_outputs(view), design):
@@ -198,6 +204,9 @@ def _leading_reason(view: ArchiveView, design: str) -> str:
 
 def _answer_without_sample(view: ArchiveView) -> Iterator[Block]:
     """Yield what an archive says whose designs give no distribution, and the reason."""
+    measured = (*measurement_findings(view),)
+    if measured:
+        yield Findings(measured, is_verdict=True)
     if of_events := (*rare_event_findings(view), *bound_findings(view)):
         yield Findings(of_events[:_MOST_BOUNDS], is_verdict=True)
     if further := of_events[_MOST_BOUNDS:]:
@@ -219,10 +228,23 @@ def _answer_without_sample(view: ArchiveView) -> Iterator[Block]:
             f"No run of {', '.join(view.sample_designs)} completed, so the distributions of the "
             f"outputs are unknown. {_failure_reasons(failed)}"
         )
-    elif all(view.design(each).sampling is Sampling.TOWARDS_BOUNDS for each in view.designs):
+    elif not measured:
+        yield from _reason_without_sample(view, has_events=bool(of_events))
+    if means := tuple(_quadrature_means(view)):
+        yield Quote(means)
+    if SURROGATES in view.tree.children:
+        yield Text(
+            "Estimates by surrogates have no interval of their own, so they are not quoted here."
+        )
+
+
+def _reason_without_sample(view: ArchiveView, *, has_events: bool) -> Iterator[Block]:
+    """Yield why the outputs have no distribution, with the charts of bounds."""
+    samplings = {view.design(each).sampling for each in view.designs}
+    if samplings == {Sampling.TOWARDS_BOUNDS}:
         yield Text("An input that is an interval has no distribution, so the outputs have none.")
         yield from bound_charts(view)
-    elif all(view.design(each).sampling is Sampling.OVER_BOX for each in view.designs):
+    elif samplings == {Sampling.OVER_BOX}:
         yield Text(
             "Parameters of the inputs are intervals, so the outputs have no one distribution: the "
             "bounds are the least and the largest answer of all that are possible."
@@ -231,14 +253,8 @@ def _answer_without_sample(view: ArchiveView) -> Iterator[Block]:
     else:
         yield Text(
             "No design of this study is a sample of its inputs, so the distributions of the "
-            f"outputs and all {'other ' * bool(of_events)}probabilities are unknown. The results "
+            f"outputs and all {'other ' * has_events}probabilities are unknown. The results "
             "of its designs are further down."
-        )
-    if means := tuple(_quadrature_means(view)):
-        yield Quote(means)
-    if SURROGATES in view.tree.children:
-        yield Text(
-            "Estimates by surrogates have no interval of their own, so they are not quoted here."
         )
 
 

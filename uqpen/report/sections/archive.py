@@ -77,6 +77,8 @@ _PURPOSES = {
     Sampling.OVER_BOX: "bounds over intervals of parameters, by weights; no sample",
     Sampling.TOWARDS_EVENT: "the probability of a rare event; no sample",
     Sampling.TOWARDS_BOUNDS: "bounds over intervals; no sample",
+    Sampling.TOWARDS_MEASUREMENTS: "unknown inputs from measurements; no sample",
+    Sampling.AT_EXPERIMENTS: "a sample at measured experiments",
 }
 
 # Attributes of the root that are shown, and their labels; others are shown after them.

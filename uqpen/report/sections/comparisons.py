@@ -13,6 +13,7 @@ from uqpen.archive.read import group_names
 from uqpen.charts.chart import Block, Charts
 from uqpen.charts.convergence_history import convergence_charts
 from uqpen.charts.distributions import model_chart
+from uqpen.charts.measured_values import measurement_charts
 from uqpen.charts.source_comparison import (
     available_statistics,
     compared_sources,
@@ -35,12 +36,26 @@ from uqpen.report.blocks import Fold, Heading, Remarks, Table, Text
 from uqpen.report.sections.fields import further_curves
 from uqpen.report.sections.sentences import main_outputs, output_blocks
 from uqpen.results.archive_view import ArchiveView, output_heading
+from uqpen.results.calibrations import calibration_tables
 from uqpen.results.digits import number_text
 from uqpen.results.output_tables import difference_tables, statistics_table
 from uqpen.results.surrogate_tables import correction_tables, fit_table, missing_run_tables
 from uqpen.results.table import NOTHING, OutputTable
 from uqpen.results.texts import title_with_unit
+from uqpen.results.validations import validation_tables
 from uqpen.surrogates.archived_surrogate import is_restorable
+
+# A model beside measurements.
+
+
+def measurements(view: ArchiveView) -> Iterator[Block]:
+    """What measurements say of the model, its charts and a row for each measured value."""
+    for title, charts in measurement_charts(view):
+        yield Heading(title)
+        yield charts
+    for table in (*validation_tables(view.tree), *calibration_tables(view.tree)):
+        yield Table(table, is_folded=True)
+
 
 # Convergence of estimates as runs are added.
 

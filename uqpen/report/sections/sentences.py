@@ -44,6 +44,7 @@ from uqpen.results.table import (
     output_names,
 )
 from uqpen.results.texts import capitalized, plain_text, typeset_quantity, unit_suffix
+from uqpen.results.validations import fit_statements, validation_statements
 
 # Quantities in sentences, with their estimates by design.
 
@@ -510,6 +511,12 @@ def joint_findings(view: ArchiveView, design: str) -> Iterator[Finding]:
             shown = percent_texts(*fitted[place].values.tolist())
             over = _over_parameters(fitted[place], map(no_break, shown))
         yield Finding(event, f"In {_stated(array)}.{acceptance_sentence(array)}{over}")
+
+
+def measurement_findings(view: ArchiveView) -> Iterator[Finding]:
+    """Yield what measurements say of the model, and what they teach of unknown inputs."""
+    for head, text in (*validation_statements(view.tree), *fit_statements(view.tree)):
+        yield Finding(capitalized(plain_text(head)), plain_text(text, 1000))
 
 
 def bound_findings(view: ArchiveView) -> Iterator[Finding]:

@@ -21,6 +21,7 @@ from uqpen.report.sections.sentences import (
     decision_findings,
     joint_findings,
     main_outputs,
+    measurement_findings,
     no_break,
     outcome_sentences,
     output_sentences,
@@ -64,6 +65,7 @@ def summary_lines(tree: xr.DataTree) -> Iterator[str]:
         quoted = (block for block in leaders(view) if isinstance(block, Quote))
         yield from chain.from_iterable(block.sentences for block in quoted)
     elif view.leading_design is None:
+        yield from map(_finding_line, measurement_findings(view))
         yield from map(_finding_line, bound_findings(view))
         yield from (each.text for each in answer(view) if isinstance(each, Text))
         yield from map(_finding_line, rare_event_findings(view))
@@ -77,6 +79,7 @@ def _sample_lines(view: ArchiveView, design: str) -> Iterator[str]:
     main = main_outputs(view)
     by_output = [list(_output_lines(views, output, design)) for output in main]
     yield from map(_finding_line, decision_findings(view))
+    yield from map(_finding_line, measurement_findings(view))
     for lines in by_output:
         yield from lines[:1]
     yield from () if main else _curve_lines(view)

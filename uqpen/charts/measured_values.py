@@ -1,0 +1,141 @@
+"""A model beside measurements: measured against predicted, errors by condition, and curves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from uqpen.charts.chart import Axis, Chart, Charts, LegendKey
+from uqpen.charts.marks import Band, Dots, Line, Mark, Points, Rule
+from uqpen.core.arrays import FloatArray
+from uqpen.results.archive_view import ArchiveView
+from uqpen.results.digits import count_text, number_text
+from uqpen.results.texts import title_with_unit, unit_suffix
+from uqpen.results.validations import MeasuredRows, fitted_rows, measured_rows
+
+# Conditions that errors are drawn against, and experiments whose curves are drawn.
+_MOST_CONDITIONS, _MOST_CURVES = 3, 6
+# Bars of one standard deviation would hide most of what is compared.
+_BARS = 2
+_NOTE = "Bars are two standard deviations."
+
+
+def measurement_charts(view: ArchiveView) -> Iterator[tuple[str, Charts]]:
+    """Yield the charts of each measured output by each design, with a heading."""
+    for of in measured_rows(view.tree):
+        if "measured" in of.statistics:
+            found = (of.values("predicted_mean"), of.values("predicted_std"))
+            z = np.asarray(of.statistics["z_score"].values)
+            yield f"{of.output} by {of.design}", _charts(view, of, *found, z)
+    for of in fitted_rows(view.tree):
+        fitted = of.values("fitted")
+        z = (fitted - of.values("measured")) / of.values("measured_std")
+        yield f"{of.output} by {of.design}", _charts(view, of, fitted, 0 * fitted, z)
+
+
+def _charts(
+    view: ArchiveView, of: MeasuredRows, predicted: FloatArray, std: FloatArray, z: FloatArray
+) -> Charts:
+    charts = [_measured_against_predicted(view, of, predicted, std)]
+    dims = [str(each) for each in of.runs[of.output].dims if str(each) != "run"]
+    if len(dims) == 1 and dims[0] in of.conditions:
+        charts += _curves(view, of, dims[0], predicted, std)
+    charts += _errors_by_condition(view, of, z)
+    return Charts(tuple(charts), notes=(_NOTE,))
+
+
+def _hovers(of: MeasuredRows, predicted: FloatArray) -> list[str]:
+    unit = unit_suffix(of.unit)
+    measured = of.values("measured")
+    return [
+        f"{of.label(row)}: measured {number_text(float(measured[row]), 5)}{unit}, "
+        f"model {number_text(float(each), 5)}{unit}"
+        for row, each in enumerate(predicted)
+    ]
+
+
+def _bars(middle: FloatArray, std: FloatArray) -> FloatArray:
+    return np.stack([middle, middle - _BARS * std, middle + _BARS * std], axis=-1)
+
+
+def _measured_against_predicted(
+    view: ArchiveView, of: MeasuredRows, predicted: FloatArray, std: FloatArray
+) -> Chart:
+    measured, series = of.values("measured"), view.series(of.design)
+    ends = [min(measured.min(), predicted.min()), max(measured.max(), predicted.max())]
+    hovers, label = _hovers(of, predicted), title_with_unit("measured", of.unit)
+    marks: list[Mark] = [
+        Line(ends, ends, "quiet", dash="dash", width=1),
+        Dots(_bars(measured, of.values("measured_std")), predicted, series, hovers, of.design),
+    ]
+    if std.any():
+        marks.append(Dots(_bars(predicted, std), measured, series, hovers, along="y"))
+    return Chart(
+        title="measured against predicted",
+        summary=f"{count_text(len(measured), 'measured value')} of {of.output} against the model.",
+        x=Axis(label),
+        y=Axis(title_with_unit("model", of.unit)),
+        marks=tuple(marks),
+        keys=(LegendKey("equal", "quiet", "line", "dash"),),
+        of=of.output,
+        source=of.design,
+    )
+
+
+def _errors_by_condition(view: ArchiveView, of: MeasuredRows, z: FloatArray) -> Iterator[Chart]:
+    texts = [f"{of.label(row)}: {number_text(float(each), 3)}" for row, each in enumerate(z)]
+    for name, (unit, values) in [*of.conditions.items()][:_MOST_CONDITIONS]:
+        yield Chart(
+            title=f"error against {name}",
+            summary=f"Errors of the model of {of.output}, by their uncertainty, against {name}.",
+            x=Axis(title_with_unit(name, unit)),
+            y=Axis("error / its uncertainty"),
+            marks=(
+                Rule(0.0, "quiet", is_horizontal=True),
+                *(Rule(at, "quiet", "dash", is_horizontal=True) for at in (-2.0, 2.0)),
+                Points(
+                    values,
+                    z,
+                    view.series(of.design),
+                    hover="%{text}",
+                    name=of.design,
+                    texts=texts,
+                    size=7,
+                    opacity=0.8,
+                ),
+            ),
+            of=of.output,
+            source=of.design,
+        )
+
+
+def _curves(
+    view: ArchiveView, of: MeasuredRows, along: str, predicted: FloatArray, std: FloatArray
+) -> Iterator[Chart]:
+    """Yield the curve of each experiment with its measured points."""
+    unit, places = of.conditions[along]
+    numbers = of.statistics["experiment_number"].values
+    hovers, series = _hovers(of, predicted), view.series(of.design)
+    for number in np.unique(numbers)[:_MOST_CURVES].tolist():
+        own = np.flatnonzero(numbers == number)
+        order = own[np.argsort(places[own], kind="stable")]
+        x, middle, spread = places[order], predicted[order], _BARS * std[order]
+        marks: list[Mark] = []
+        if spread.any():
+            marks.append(Band(x, middle - spread, middle + spread, series))
+        bars = _bars(of.values("measured")[own], of.values("measured_std")[own])
+        marks += [
+            Line(x, middle, series, name="model"),
+            Dots(bars, places[own], "ink", [hovers[row] for row in own], "measured", along="y"),
+        ]
+        yield Chart(
+            title=f"experiment {number}" if len(np.unique(numbers)) > 1 else "curve",
+            summary=f"{of.output} along {along}: the model and the measured points.",
+            x=Axis(title_with_unit(along, unit)),
+            y=Axis(title_with_unit(of.output, of.unit)),
+            marks=tuple(marks),
+            keys=(LegendKey("model", series, "line"), LegendKey("measured", "ink", "circle")),
+            of=of.output,
+            source=of.design,
+        )

@@ -1,0 +1,297 @@
+"""A model compared with measurements: what the tests say, and a row for each measured value."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from uqpen.archive.estimates import UnpackedStatistics
+from uqpen.archive.groups import group_names, read_group
+from uqpen.core.arrays import FloatArray
+from uqpen.core.labels import (
+    CALIBRATIONS,
+    MEASURED,
+    MEASURED_CONDITION,
+    MEASURED_ROW,
+    RUNS,
+    UNKNOWN,
+    VALIDATION,
+)
+from uqpen.core.statistic import AcceptanceVerdict
+from uqpen.core.units import DIMENSIONLESS, Scale, scale
+from uqpen.results.digits import count_text, estimate_text, number_text
+from uqpen.results.source_statistics import SourceStatistics
+from uqpen.results.table import (
+    NOTHING,
+    OutputTable,
+    entries_json,
+    estimate_json,
+    json_value,
+    label_with_unit,
+    shown_unit,
+)
+from uqpen.results.texts import unit_suffix
+
+# Rows of a table on a screen; JSON and the archive have all.
+_MOST_ROWS = 20
+# Below this p value, agreement is unlikely; the level of the joint test.
+UNLIKELY = 0.05
+# Where measurements leave this share of a prior's standard deviation, they teach next to nothing.
+_HARDLY_LEARNT = 0.95
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredRows:
+    """Measured values of an output beside what a design says of the model there."""
+
+    design: str
+    output: str
+    statistics: Mapping[str, xr.DataArray]
+    runs: xr.Dataset  # of the design: units and names
+
+    @property
+    def unit(self) -> str:
+        """Unit that the output is shown in."""
+        return shown_unit(self.runs[self.output].attrs)
+
+    @property
+    def scale(self) -> Scale:
+        """Scale of that unit."""
+        return scale(self.unit)
+
+    def values(self, name: str) -> FloatArray:
+        """Return a statistic of each row, in the unit that is shown."""
+        found = np.asarray(self.statistics[name].values, dtype=np.float64)
+        is_difference = name in ("measured_std", "predicted_std", "validation_uncertainty")
+        convert = self.scale.difference_from_si if is_difference else self.scale.from_si
+        shown: FloatArray = convert(found)
+        return shown
+
+    @cached_property
+    def conditions(self) -> dict[str, tuple[str, FloatArray]]:
+        """Conditions and places that differ: by name, the unit and the value of each row."""
+        found = {}
+        whole = self.statistics.get("condition")
+        for place, name in enumerate([] if whole is None else whole[MEASURED_CONDITION].values):
+            values = np.asarray(whole.values[:, place])  # type: ignore[union-attr]
+            if np.isfinite(values).all() and np.ptp(values) > 0:
+                attributes = self.runs[name].attrs if name in self.runs.variables else {}
+                unit = shown_unit(attributes)
+                found[str(name)] = unit, np.asarray(scale(unit).from_si(values))
+        return found
+
+    def label(self, row: int) -> str:
+        """Return the label of a row: its experiment with the conditions."""
+        parts = [
+            f"{name} {number_text(float(values[row]), 6)}{unit_suffix(unit)}"
+            for name, (unit, values) in self.conditions.items()
+        ]
+        number = int(self.statistics["experiment_number"][row])
+        return ", ".join([f"{number}", *parts])
+
+    def estimate(self, name: str) -> xr.DataArray | None:
+        """Return a statistic of all rows; None where there is none."""
+        return self.statistics.get(name)
+
+
+def measured_rows(tree: xr.DataTree) -> Iterator[MeasuredRows]:
+    """Yield the rows of each output and design at experiments of a model."""
+    for design in group_names(tree, VALIDATION):
+        runs = read_group(tree, RUNS, design)
+        for output in tree.children[VALIDATION].children[design].children:
+            group = read_group(tree, VALIDATION, design, output)
+            yield MeasuredRows(design, output, UnpackedStatistics(group), runs)
+
+
+def fitted_rows(tree: xr.DataTree) -> Iterator[MeasuredRows]:
+    """Yield the rows of each output that a search for least squares has fitted."""
+    statistics = SourceStatistics(tree)
+    for design in group_names(tree, CALIBRATIONS):
+        found = statistics.of_runs(CALIBRATIONS, design)
+        if "fitted" not in found:
+            continue
+        runs = read_group(tree, RUNS, design)
+        outputs = found["measured_output"].values
+        for output in dict.fromkeys(outputs.tolist()):
+            own = np.flatnonzero(outputs == output)
+            rows = {
+                name: array.isel({MEASURED_ROW: own})
+                for name, array in found.items()
+                if MEASURED_ROW in array.dims
+            }
+            yield MeasuredRows(design, str(output), rows, runs)
+
+
+# Statements, for the end of a command and the head of a page.
+
+
+def validation_statements(tree: xr.DataTree) -> Iterator[tuple[str, str]]:
+    """Yield what a validation says of each output, below a head of a few words."""
+    for each in measured_rows(tree):
+        yield each.output, " ".join(_sentences(each))
+
+
+def _sentences(of: MeasuredRows) -> Iterator[str]:
+    joint, draws = of.estimate("joint_p_value"), of.estimate("draws")
+    values = count_text(of.statistics["experiment_number"].size, "measured value")
+    by = f"by {count_text(0 if draws is None else int(draws), 'draw')} of {of.design}"
+    if joint is None or not np.isfinite(joint.values[0]):
+        reason = "no draw has completed" if joint is None else str(joint["note"].item())
+        yield f"The model and {values} ({by}) have no joint test: {reason}."
+    elif joint.values[0] < UNLIKELY:
+        text = number_text(float(joint.values[0]), 2)
+        yield f"The model disagrees with {values} together ({by}): p = {text}."
+    else:
+        text = number_text(float(joint.values[0]), 2)
+        yield f"Nothing speaks against the model in {values} together ({by}): p = {text}."
+    if (verdict := of.estimate("verdict")) is not None:
+        rows = of.statistics["row_verdict"].values.tolist()
+        count = {name: rows.count(str(name)) for name in AcceptanceVerdict}
+        shown = ", ".join(f"{number} {name}" for name, number in count.items() if number)
+        yield f"What is accepted is {verdict.item()} (each value by itself: {shown})."
+    if (seen := of.estimate("detectable_common_error")) is not None and np.isfinite(seen.values[0]):
+        size = number_text(float(of.scale.difference_from_si(seen.values[0])), 2)
+        yield f"An error below {size}{unit_suffix(of.unit)} in all values would not be seen."
+    used = of.estimate("used_before")
+    if used is not None and used.values.any():
+        number = count_text(int(used.values.sum()), "value")
+        yield f"Inputs were fitted to {number} of them, which no test counts."
+
+
+def fit_statements(tree: xr.DataTree) -> Iterator[tuple[str, str]]:
+    """Yield what each search for least squares says, below a head of a few words."""
+    statistics = SourceStatistics(tree)
+    for design in group_names(tree, CALIBRATIONS):
+        found = statistics.of_runs(CALIBRATIONS, design)
+        if "unknown_value" in found:
+            runs = read_group(tree, RUNS, design)
+            yield design, " ".join(_fit_sentences(found, runs))
+
+
+def _fit_sentences(found: Mapping[str, xr.DataArray], runs: xr.Dataset) -> Iterator[str]:
+    p_value, values = float(found["fit_p_value"]), found["measured"].size
+    what = f"{count_text(values, 'measured value')} of {runs.attrs[MEASURED]}"
+    if math.isnan(p_value):
+        yield f"The model is fitted to {what}, whose scatter gives the size of their errors."
+    elif p_value < UNLIKELY:
+        yield f"The model does not fit {what}, even at its best (p = {number_text(p_value, 2)})."
+    else:
+        yield f"The model fits {what} (p = {number_text(p_value, 2)})."
+    names = found["unknown_value"][UNKNOWN].values.tolist()
+    taught, rest = [], []
+    for place, name in enumerate(names):
+        error, prior = (float(found[key][place]) for key in ("standard_error", "prior_std"))
+        if not error < _HARDLY_LEARNT * prior:
+            rest.append(name)
+            continue
+        unit = shown_unit(runs[name].attrs)
+        shown = scale(unit).from_si(found["unknown_value"].values[place])
+        taught.append(f"{name} = {estimate_text(*shown.tolist())}{unit_suffix(unit)}")
+    if taught:
+        yield f"They give {', '.join(taught)}."
+    if rest:
+        yield f"They say nothing on {', '.join(rest)} alone: see the combinations."
+    correlation = float(found["residual_correlation"])
+    if abs(correlation) > 2 / math.sqrt(values):
+        yield (
+            f"The residuals follow each other (lag-1 correlation {number_text(correlation, 2)}): "
+            "the model lacks something, or errors that are stated as independent are not."
+        )
+
+
+# Tables.
+
+
+def validation_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
+    """Yield two tables for each output at the experiments of a design: of its rows, of all."""
+    for each in measured_rows(tree):
+        yield _rows_table(each)
+        yield _tests_table(each)
+
+
+def _rows_table(of: MeasuredRows) -> OutputTable:
+    columns = ["measured", "model", "error", "z"]
+    has_verdict = "row_verdict" in of.statistics
+    title = label_with_unit(f"{of.output} at the experiments of {of.design}", of.unit)
+    table = OutputTable(title, [*columns, *(["verdict"] if has_verdict else [])])
+    rows = of.statistics["experiment_number"].size
+    if "measured" not in of.statistics:
+        return table
+    for row in range(min(rows, _MOST_ROWS)):
+        cells = [
+            _with_std(of, "measured", "measured_std", row),
+            _with_std(of, "predicted_mean", "predicted_std", row),
+            table.cell(of.statistics["comparison_error"][row], of.scale.difference_from_si),
+            number_text(float(of.statistics["z_score"][row]), 3),
+        ]
+        side = int(of.statistics["bound_side"][row])
+        if side:
+            cells[0] = f"{'≥' if side > 0 else '≤'} {cells[0]}"
+        if has_verdict:
+            cells.append(str(of.statistics["row_verdict"].values[row]))
+        table.rows.append((of.label(row), cells))
+    mark = table.note_mark("± one standard deviation; the error ± k times its uncertainty")
+    table.columns[0] += mark
+    if rows > _MOST_ROWS:
+        table.note_mark(f"{rows - _MOST_ROWS} more rows in the archive and in JSON")
+    return table
+
+
+def _with_std(of: MeasuredRows, value: str, std: str, row: int) -> str:
+    middle, spread = float(of.values(value)[row]), float(of.values(std)[row])
+    return estimate_text(middle, middle - spread, middle + spread)
+
+
+# Of all rows: the statistic, its label, and whether it is in the unit of the output.
+_TESTS = (
+    ("joint_p_value", "all values together: p", False),
+    ("share_inside", "share inside the band", False),
+    ("share_p_value", "share inside: p by draws", False),
+    ("area", "area metric", False),
+    ("area_null", "area metric of no error: mean", False),
+    ("area_null_quantile", "area metric of no error: quantile at the level", False),
+    ("area_p_value", "area metric: p by draws", False),
+    ("ks_p_value", "distribution of the PIT: p by draws", False),
+    ("detectable_common_error", "error in all values that is found in 80 %", True),
+    ("mean_crps", "mean score (CRPS)", True),
+    ("score_difference", "score of the first model minus this one", True),
+    ("residual_p_value", "residuals of values used before: p", False),
+)
+
+
+def _tests_table(of: MeasuredRows) -> OutputTable:
+    table = OutputTable(f"{of.output}: all values of {of.design}", ["value"])
+    for name, label, has_unit in _TESTS:
+        if (array := of.estimate(name)) is None:
+            continue
+        convert = of.scale.difference_from_si if has_unit else (lambda values: values)
+        title = label_with_unit(label, of.unit) if has_unit else label
+        value = float(array) if not array.dims else math.nan
+        is_plain = not array.dims
+        shown = NOTHING if is_plain and math.isnan(value) else ""
+        shown = shown or (number_text(float(convert(value)), 3) if is_plain else "")
+        table.rows.append((title, [shown or table.cell(array, convert)]))
+    return table
+
+
+def validation_json(statistics: SourceStatistics, design: str) -> dict[str, Any]:
+    """Return what measurements say of a model at the experiments of a design, by output."""
+    found = {
+        each.output: {
+            "units": str(each.runs[each.output].attrs.get("units", DIMENSIONLESS)),
+            **{name: entries_json(array, _entry_json) for name, array in each.statistics.items()},
+        }
+        for each in measured_rows(statistics.tree)
+        if each.design == design
+    }
+    return {VALIDATION: found} if found else {}
+
+
+def _entry_json(array: xr.DataArray) -> Any:
+    return estimate_json(array) if "bound" in array.dims else json_value(array.values)
