@@ -276,8 +276,9 @@ def test_an_event_has_bounds_over_a_box(study_of):
 
 def test_one_statement_has_all_parts_of_an_error(fitted):
     _, tree = fitted
-    (below, mean) = error_statements(tree)
-    assert (below.label, mean.label) == ("P(< 8)", "mean")
+    below, *others = error_statements(tree)
+    labels = ["mean", "5 % quantile", "median", "95 % quantile"]
+    assert [below.label, *(each.label for each in others)] == ["P(< 8)", *labels]
     parts = {part.name: part for part in (*below.parts, below.total, *below.bought)}
     assert [*parts] == ["sampling", "fitted", "total", "sampling, 4 times the runs"]
     found = stated(tree)
@@ -313,7 +314,7 @@ def test_a_statement_is_by_the_design_that_has_the_interval_and_names_its_surrog
         '[surrogates.two]\nkind = "gaussian-process"\ndesign = "some"\ntrend = "linear"\n'
     )
     tree = uqpen.run(study_of("x + b", text, x=measured, b="0 ± 1"))
-    (mean,) = error_statements(tree)
+    mean, *_ = error_statements(tree)
     assert mean.design == "some"
     assert [part.name for part in mean.parts] == [
         *("sampling", "surrogate one", "surrogate two", "fitted"),

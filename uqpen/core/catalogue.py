@@ -579,6 +579,17 @@ def _over_unknowns() -> Iterator[Statistic]:
 _STATISTICS = [
     *_OF_VALUES,
     *_over_unknowns(),
+    # Those of a difference are others: a quantile of differences is no difference of quantiles.
+    *(
+        derived(
+            each,
+            "difference_of_",
+            "{title}, difference from the first model",
+            unit=UnitRule.DIFFERENCE,
+        )
+        for each in _OF_VALUES
+        if each.name in ("std", "quantile")
+    ),
     *(
         derived(
             each,

@@ -163,6 +163,9 @@ MAGNITUDES = "magnitudes"
 LEFT_OUT = "left_out"
 # Inputs of which each model of a study has another value, an attribute of the root.
 SWEEP = "sweep"
+# The model that another one is with a finer tolerance or grid, or that it stands for: attributes of
+# the group of that other, and keys of its table in a study.
+FINER_THAN, STANDS_FOR = "finer_than", "stands_for"
 MOMENTS = "moments"
 QUANTILES = "quantiles"
 EXCEEDANCE = "exceedance"

@@ -14,33 +14,45 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.read import model_trees
+from uqpen.archive.read import group_names, model_trees
 from uqpen.core.catalogue import CATALOGUE
-from uqpen.core.labels import SWEEP
-from uqpen.core.statistic import UnitRule
+from uqpen.core.labels import DIFFERENCES, FINER_THAN, MISSING, STANDS_FOR, SWEEP
+from uqpen.core.statistic import Statistic, UnitRule
+from uqpen.core.status import Status
 from uqpen.core.units import scale
 from uqpen.results.digits import estimate_texts, percent_texts, range_text
-from uqpen.results.source_statistics import SourceStatistics, labelled_entries
+from uqpen.results.source_statistics import SourceStatistics, is_sample_design, labelled_entries
 from uqpen.results.table import NOTHING, OutputTable, estimate_remark, json_value, label_with_unit
 
 # The answers whose errors are stated.
-_ANSWERS = tuple(CATALOGUE[name] for name in ("exceedance", "below", "mean"))
+_ANSWERS = tuple(CATALOGUE[name] for name in ("exceedance", "below", "mean", "std", "quantile"))
+# Those with a statement even if it has no part that may be the largest.
+_ALWAYS = _ANSWERS[:3]
 
 # How many times the runs are, in what more of them buy.
 _TIMES = 4
 
+# Names of the parts, and what the names of arrays begin with.
+_SAMPLING, _SURROGATE, _MODEL, _FINER, _CHANGE = "sampling", "surrogate", "model", "finer", "change"
+_FITTED, _INTERVALS, _LIMITS, _FAILED = "fitted", "intervals", "limits of these", "failed runs"
+_FORM, _TOTAL = "model form", "total"
+# What the name of a part that may be the largest begins with.
+MAIN = (_FITTED, _INTERVALS, _FINER, _FAILED)
+_PREFIXES = ("plug_in_", "fitted_", "lower_", "upper_", "total_")
+
 _DEFINITIONS = {
-    "sampling": "interval of the runs, at the distributions as they are stated or fitted",
-    "surrogate": "of a surrogate that real runs correct",
-    "fitted": "over all parameters that fit the specimens as well, with the sampling error; the "
+    _SAMPLING: "interval of the runs, at the distributions as they are stated or fitted",
+    _SURROGATE: "of a surrogate that real runs correct",
+    _FITTED: "over all parameters that fit the specimens as well, with the sampling error; the "
     "family is taken as known",
-    "intervals": "from the least to the largest answer over the intervals of the inputs",
-    "limits of these": "from the lower limit of the least to the upper limit of the largest",
-    "model form": "range of the answers of {models} models at common points: no probability, "
+    _INTERVALS: "from the least to the largest answer over the intervals of the inputs",
+    _LIMITS: "from the lower limit of the least to the upper limit of the largest",
+    _FAILED: "from no failed run in the event to all of them",
+    _FINER: "from this answer to that of the finer model, which is the same model, with the error "
+    "of their difference at common points; what is finer still may change it further",
+    _FORM: "range of the answers of {models} models at common points: no probability, "
     "and in no interval",
 }
-_TOGETHER = "computed for the parameters and the runs together"
-_ALL_TOGETHER = "computed for the parameters, the intervals and the runs together"
 _BOUGHT = "if further runs scatter as these do; no other part gets narrower by runs"
 
 
@@ -66,10 +78,10 @@ class ErrorStatement(NamedTuple):
     design: str
     is_probability: bool
     unit: str  # that it is shown in
-    answer: float
-    parts: tuple[ErrorPart, ...]
-    total: ErrorPart
-    bought: tuple[ErrorPart, ...]  # what more runs make of a part
+    answer: float = math.nan
+    parts: tuple[ErrorPart, ...] = ()
+    total: ErrorPart = ErrorPart("", math.nan, math.nan, "")
+    bought: tuple[ErrorPart, ...] = ()  # what more runs make of a part
 
     @property
     def column(self) -> str:
@@ -89,64 +101,116 @@ class ErrorStatement(NamedTuple):
 
 
 def error_statements(archive: xr.DataTree) -> Iterator[ErrorStatement]:
-    """Yield the statement of each answer over parameters that are fitted to specimens.
+    """Yield the statement of each answer whose error has two known parts or more.
 
-    It is by the first design that has an interval over them, and of the first model if there are
-    several.
+    It is of the first model if there are several, and by the first design with an interval over
+    fitted parameters, or with one at all.
     """
-    models = {name: SourceStatistics(tree) for name, tree in model_trees(archive).items()}
     if archive.attrs.get(SWEEP):
         return  # its models are one at several values, whose differences are the answer
+    for output, design, unit, record, arrays in _answers(archive):
+        for label, entries in labelled_entries(record, arrays):
+            parts = ErrorStatement(output, label, design, record.unit is UnitRule.NONE, unit)
+            statement = _stated(parts, record.name, entries)
+            # The limits of the intervals are those of one part, unless there is one without a row.
+            is_one = f"total_{record.name}" not in entries
+            counted = [each for each in statement.parts if each.name != _LIMITS or not is_one]
+            is_main = any(each.name.startswith(MAIN) for each in counted)
+            if sum(each.is_known for each in counted) > 1 and (is_main or record in _ALWAYS):
+                yield statement
+
+
+def _answers(
+    archive: xr.DataTree,
+) -> Iterator[tuple[str, str, str, Statistic, dict[str, xr.DataArray]]]:
+    """Yield each output with a design, a unit and an answer, and all estimates that are of it."""
+    trees = model_trees(archive)
+    models = {name: SourceStatistics(tree) for name, tree in trees.items()}
     statistics = next(iter(models.values()))
-    designs = [name for name in statistics.sources if statistics.kind(name) == "design"]
+    finer = {
+        name: SourceStatistics.of_differences(archive, name)
+        for name in group_names(archive, DIFFERENCES)
+        if FINER_THAN in trees[name].attrs
+    }
+    alternatives = [
+        name for name, tree in trees.items() if not {FINER_THAN, STANDS_FOR} & tree.attrs.keys()
+    ]
     surrogates = [name for name in statistics.sources if statistics.kind(name) == "surrogate"]
     for output in statistics.scalar_outputs:
         for record in _ANSWERS:
-            over = {f"fitted_{record.name}", f"total_{record.name}"}
-            having = (each for each in designs if over & {*statistics.statistics(each, output)})
-            design = next(having, None)
+            name = record.name
+            design = _design(statistics, output, name)
             if design is None:
                 continue
-            stated = statistics.statistics(design, output)
-            names = (record.name, *(f"{prefix}_{record.name}" for prefix in _PREFIXES))
-            found = {name: stated[name] for name in names if name in stated}
-            found |= {
-                f"{_SURROGATE} {name}": array
-                for name in surrogates
-                if (array := statistics.get(name, output, record.name)) is not None
-            }
-            found |= {
-                f"{_MODEL} {name}": array
-                for name, each in models.items()
-                if (array := each.get(design, output, record.name)) is not None
-            }
-            for label, arrays in labelled_entries(record, found):
-                parts = tuple(_parts(record.name, arrays))
-                answers = (arrays.get(name) for name in (f"plug_in_{record.name}", record.name))
-                known = [float(each[0]) for each in answers if each is not None]
-                middle = np.mean([[part.lower, part.upper] for part in parts])
-                yield ErrorStatement(
-                    output,
-                    label,
-                    design,
-                    record.unit is UnitRule.NONE,
-                    statistics.unit(output),
-                    next(iter(known), float(middle)),
-                    parts,
-                    _total(parts, arrays.get(f"total_{record.name}")),
-                    tuple(_bought(parts, known)),
-                )
+            found: dict[str, xr.DataArray | None] = {}
+            found |= _together(statistics, design, output, name)
+            for each, difference in finer.items():
+                of_finer = _together(models[each], design, output, name)
+                found |= {f"{_FINER} {each} {key}": array for key, array in of_finer.items()}
+                of = f"difference_of_{name}" if name in ("std", "quantile") else name
+                found[f"{_CHANGE} {each}"] = difference.get(design, output, of)
+            for each in surrogates:
+                found[f"{_SURROGATE} {each}"] = statistics.get(each, output, name)
+            for each in alternatives:
+                own = _together(models[each], design, output, name)
+                found[f"{_MODEL} {each}"] = own.get(f"plug_in_{name}", own.get(name))
+            known = {key: array for key, array in found.items() if array is not None}
+            # Those of the runs alone, without a failed one, are of one part.
+            alone = {name, f"{_MODEL} {next(iter(models))}"}
+            if known.keys() - alone or MISSING in known[name].attrs:
+                yield output, design, statistics.unit(output), record, known
 
 
-# Names of the parts, and what the names of arrays begin with.
-_SAMPLING, _SURROGATE, _MODEL = "sampling", "surrogate", "model"
-_FITTED, _INTERVALS, _LIMITS = "fitted", "intervals", "limits of these"
-_FORM, _TOTAL = "model form", "total"
-_PREFIXES = ("plug_in", "fitted", "lower", "upper", "total")
+def _design(statistics: SourceStatistics, output: str, name: str) -> str | None:
+    """Return the design whose answer it is; None where none has an interval."""
+    having: dict[int, str] = {}
+    for design in statistics.sources:
+        if statistics.kind(design) != "design":
+            continue
+        stated = statistics.statistics(design, output)
+        over = {prefix for prefix in _PREFIXES if f"{prefix}{name}" in stated}
+        of_unknowns = any(f"{prefix}mean" in stated for prefix in _PREFIXES)
+        if {"fitted_", "total_"} & over:
+            having.setdefault(0, design)
+        elif over or (
+            not of_unknowns and name in stated and is_sample_design(statistics.tree, design)
+        ):
+            having.setdefault(1, design)
+        elif not of_unknowns and name in stated and np.isfinite(stated[name].values).all():
+            having.setdefault(2, design)
+    return having[min(having)] if having else None
 
 
-def _parts(name: str, arrays: dict[str, xr.DataArray]) -> Iterator[ErrorPart]:
-    """Yield the parts of the error of an answer, from its estimates along ``bound``."""
+def _together(
+    statistics: SourceStatistics, design: str, output: str, name: str
+) -> dict[str, xr.DataArray]:
+    """Return the answer of a model by a design, and those over unknowns, by their names."""
+    stated = statistics.statistics(design, output)
+    names = (name, *(f"{prefix}{name}" for prefix in _PREFIXES))
+    return {each: stated[each] for each in names if each in stated}
+
+
+def _stated(
+    statement: ErrorStatement, name: str, arrays: dict[str, xr.DataArray]
+) -> ErrorStatement:
+    """Return a statement with its parts, from all estimates along ``bound``."""
+    answers = (arrays.get(each) for each in (f"plug_in_{name}", name))
+    known = [float(each[0]) for each in answers if each is not None]
+    parts = tuple(_parts(name, arrays, known, is_probability=statement.is_probability))
+    middles = ((part.lower + part.upper) / 2 for part in parts if part.is_known)
+    answer = next(iter((*known, *middles)), math.nan)
+    return statement._replace(
+        answer=answer,
+        parts=parts,
+        total=_total(name, arrays, parts),
+        bought=tuple(_bought(parts, answer)),
+    )
+
+
+def _parts(
+    name: str, arrays: dict[str, xr.DataArray], known: list[float], *, is_probability: bool
+) -> Iterator[ErrorPart]:
+    """Yield the parts of the error of an answer."""
     own = arrays.get(f"plug_in_{name}", arrays.get(name))
     surrogates = {key: each for key, each in arrays.items() if key.startswith(_SURROGATE)}
     named = {_SAMPLING: own, **surrogates, _FITTED: arrays.get(f"fitted_{name}")}
@@ -162,46 +226,120 @@ def _parts(name: str, arrays: dict[str, xr.DataArray]) -> Iterator[ErrorPart]:
         text = _DEFINITIONS[_INTERVALS] if of_limits.is_known else estimate_remark(least)
         yield ErrorPart(_INTERVALS, float(ends[0]), float(ends[1]), text)
         yield of_limits
+    if known and is_probability and (share := _missing_share(own)):
+        lower, upper = _for_any_outcome(known[0], known[0], share)
+        yield ErrorPart(_FAILED, lower, upper, _DEFINITIONS[_FAILED])
+    for key, change in arrays.items():
+        if key.startswith(_CHANGE) and known:
+            lower, upper = (known[0] + value for value in (*change.values[1:].tolist(),))
+            if is_probability:
+                lower, upper = max(lower, 0.0), min(upper, 1.0)
+            part = f"{_FINER}: {key.removeprefix(_CHANGE).strip()}"
+            found = ErrorPart(
+                part, min(lower, known[0]), max(upper, known[0]), _DEFINITIONS[_FINER]
+            )
+            is_known = math.isfinite(lower) and math.isfinite(upper)
+            yield found if is_known else ErrorPart(part, lower, upper, estimate_remark(change))
     answers = [float(each[0]) for key, each in arrays.items() if key.startswith(_MODEL)]
     if len(answers) > 1:
         text = _DEFINITIONS[_FORM].format(models=len(answers))
         yield ErrorPart(_FORM, min(answers), max(answers), text)
 
 
-def _total(parts: tuple[ErrorPart, ...], both: xr.DataArray | None) -> ErrorPart:
-    """Return the interval that has all in it that is computed together."""
-    left_out = [each.name for each in parts if each.name.split()[0] in (_SURROGATE, _MODEL)]
-    without = f"; without {' and '.join(left_out)}" if left_out else ""
+def _missing_share(array: xr.DataArray | None) -> float:
+    """Return the share of the runs that may lie anywhere, as they have failed; 0 without any."""
+    if array is None or MISSING not in array.attrs:
+        return 0.0
+    lost = sum(
+        int(array.attrs.get(f"runs_{each.meaning}", 0))
+        for each in Status
+        if each not in (Status.OK, Status.INADMISSIBLE)
+    )
+    return lost / (lost + int(array.attrs["runs_used"]))
+
+
+def _for_any_outcome(lower: float, upper: float, share: float) -> tuple[float, float]:
+    """Return the ends of a probability over the runs with a value, as those over all runs."""
+    return (1 - share) * lower, (1 - share) * upper + share
+
+
+def _computed(name: str, arrays: dict[str, xr.DataArray]) -> tuple[float, float, str, str]:
+    """Return the interval of a model that is computed for all at once: for what, or why not."""
+    both, fitted = arrays.get(f"total_{name}"), arrays.get(f"fitted_{name}")
+    least, largest = arrays.get(f"lower_{name}"), arrays.get(f"upper_{name}")
     if both is not None:
-        _, lower, upper = both.values.tolist()
-        total = ErrorPart(_TOTAL, lower, upper, f"{_ALL_TOGETHER}{without}")
-        return total if total.is_known else total._replace(definition=estimate_remark(both))
-    fitted = next(each for each in parts if each.name == _FITTED)
-    definition = f"{_TOGETHER}{without}" if fitted.is_known else fitted.definition
-    return fitted._replace(name=_TOTAL, definition=definition)
+        array, what = both, "the parameters, the intervals and the runs"
+    elif fitted is not None:
+        array, what = fitted, "the parameters and the runs"
+    elif least is not None and largest is not None:
+        lower, upper = float(least[1]), float(largest[2])
+        return lower, upper, "the intervals and the runs", estimate_remark(least)
+    else:
+        return *arrays[name].values[1:].tolist(), "the runs", estimate_remark(arrays[name])
+    _, lower, upper = array.values.tolist()
+    if share := _missing_share(array):
+        lower, upper = _for_any_outcome(lower, upper, share)
+    return lower, upper, what, estimate_remark(array)
 
 
-def _bought(parts: tuple[ErrorPart, ...], known: list[float]) -> Iterator[ErrorPart]:
+def _total(name: str, arrays: dict[str, xr.DataArray], parts: tuple[ErrorPart, ...]) -> ErrorPart:
+    """Return the interval that has all in it but the form of the model.
+
+    It is computed for each model that is the same one, and reaches over these.
+    """
+    lower, upper, what, remark = _computed(name, arrays)
+    if not (math.isfinite(lower) and math.isfinite(upper)):
+        return ErrorPart(_TOTAL, lower, upper, remark)
+    ends = [(lower, upper)]
+    finer = [part.name for part in parts if part.name.startswith(_FINER)]
+    for each in finer:
+        head = f"{each.replace(':', '')} "
+        own = {
+            key.removeprefix(head): array for key, array in arrays.items() if key.startswith(head)
+        }
+        ends.append(_computed(name, own)[:2])
+    others = [part for part in parts if part.name != _FORM]
+    ends += [(part.lower, part.upper) for part in others]
+    known = [pair for pair in ends if all(map(math.isfinite, pair))]
+    unknown = [part.name for part in others if not part.is_known]
+    over = [part.name for part in others if part.is_known and part.name.split()[0] == _SURROGATE]
+    over += [each.replace(":", "") for each in finer]
+    without = [*unknown, *(part.name for part in parts if part.name == _FORM)]
+    text = f"computed for {what}{' together' * (' and ' in what)}"
+    text += f", and over the same by {' and by '.join(over)}" if over else ""
+    text += f"; without {' and '.join(without)}" if without else ""
+    return ErrorPart(_TOTAL, min(low for low, _ in known), max(high for _, high in known), text)
+
+
+def _bought(parts: tuple[ErrorPart, ...], answer: float) -> Iterator[ErrorPart]:
     """Yield what more runs make of the sampling error, which is all that they change."""
-    for part in parts:
-        if part.name == _SAMPLING and part.is_known and known:
-            lower, upper = (
-                known[0] + (end - known[0]) / math.sqrt(_TIMES) for end in (part.lower, part.upper)
-            )
-            yield ErrorPart(f"sampling, {_TIMES} times the runs", lower, upper, _BOUGHT)
+    named = {part.name: part for part in parts}
+    part = named.get(_SAMPLING)
+    if part is None or not part.is_known:
+        return
+    # As many of more runs would fail.
+    inner = named.get(_FAILED, part._replace(lower=answer, upper=answer))
+    lower, upper = (
+        end + (far - end) / math.sqrt(_TIMES)
+        for end, far in ((inner.lower, part.lower), (inner.upper, part.upper))
+    )
+    yield ErrorPart(f"{_SAMPLING}, {_TIMES} times the runs", lower, upper, _BOUGHT)
 
 
 def error_tables(archive: xr.DataTree) -> Iterator[OutputTable]:
     """Yield the statements of each output as a table: a row for each part, a column an answer."""
-    for output, group in groupby(error_statements(archive), lambda each: each.output):
+    statements = groupby(error_statements(archive), lambda each: (each.output, each.design))
+    for (output, design), group in statements:
         every = [*group]
-        title = f"{output}: what the errors are made of, {every[0].design}"
+        title = f"{output}: what the errors are made of, {design}"
         table = OutputTable(title, [each.column for each in every])
         rows: dict[str, list[str]] = {}
-        for place, each in enumerate(every):
-            for part in (*each.parts, each.total, *each.bought):
-                cells = rows.setdefault(part.name, [NOTHING] * len(every))
-                cells[place] = each.text(part) + table.note_mark(part.definition)
+        for block in ("parts", "total", "bought"):
+            for place, each in enumerate(every):
+                found = getattr(each, block)
+                for part in (found,) if isinstance(found, ErrorPart) else found:
+                    cells = rows.setdefault(part.name, [NOTHING] * len(every))
+                    cells[place] = each.text(part) + table.note_mark(part.definition)
         table.rows = [*rows.items()]
         yield table
 

@@ -17,6 +17,7 @@ STUDENT_ON_RESIDUALS = "Student t on the residuals of an additive fit"
 STUDENT_AS_INDEPENDENT = "Student t, as of independent draws"
 STUDENT_OVER_TRAJECTORIES = "Student t over trajectories"
 CLOPPER_PEARSON = "Clopper-Pearson"
+MOVER_OF_QUANTILES = "intervals of both quantiles joined by MOVER, with their correlation"
 DISCORDANT_PAIRS = "Clopper-Pearson on the pairs of runs whose event changes, MOVER"
 CLOPPER_PEARSON_WEIGHTED = "Clopper-Pearson at the effective number of runs (Korn-Graubard)"
 STUDENT_OR_CLOPPER_PEARSON = (

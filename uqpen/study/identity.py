@@ -17,7 +17,7 @@ from uqpen.archive.read import SCHEMA_ATTRIBUTE, model_trees, read_group
 from uqpen.core.catalogue import INTERVAL_RECIPE
 from uqpen.core.dependency import Dependency
 from uqpen.core.files import FileSnapshot
-from uqpen.core.labels import CONFIDENCE_LEVEL, DEPENDENCIES, RECIPE
+from uqpen.core.labels import CONFIDENCE_LEVEL, DEPENDENCIES, FINER_THAN, RECIPE
 from uqpen.core.lookup import class_version
 from uqpen.core.model import Model
 from uqpen.designs.design import RUNS, STATISTICS
@@ -41,6 +41,9 @@ from uqpen.surrogates.refinement import RefinedDesign
 # runs, nor what they are compared with.
 POINT_TABLES = tuple(key for key, section in SECTIONS.items() if section.determines_points)
 
+
+# What a study says of a model and its runs, and what changes none: a seed would.
+_OF_NO_RUN = ("noise", FINER_THAN)
 
 # Begins the names of attributes of an archive that distinguish the versions of a model.
 MODEL_PREFIX = "model_"
@@ -196,19 +199,16 @@ def model_tables(content: Mapping[str, Any], name: str) -> tuple[dict[str, str],
     """
     is_one_of_several = name and "models" in content  # each value of a sweep has the one model
     table = content["models"].get(name, {}) if is_one_of_several else content.get("model", {})
-    kept = {key: value for key, value in table.items() if key not in ("with", "noise")}
+    kept = {key: value for key, value in table.items() if key not in ("with", *_OF_NO_RUN)}
     constraints = {"constraints": content.get("constraints", {})}
     return dict(_flatten_tables({"model": kept})), dict(_flatten_tables(constraints))
 
 
 def _model_table(content: Mapping[str, Any], name: str) -> dict[str, Any]:
-    """Return the table of a model in its place, without what is said of its noise.
-
-    To declare noise changes no run; a seed does.
-    """
+    """Return the table of a model in its place, without what changes none of its runs."""
     is_one_of_several = name and "models" in content
     table = content["models"][name] if is_one_of_several else content["model"]
-    kept = {key: value for key, value in table.items() if key != "noise"}
+    kept = {key: value for key, value in table.items() if key not in _OF_NO_RUN}
     return {"models": {name: kept}} if is_one_of_several else {"model": kept}
 
 

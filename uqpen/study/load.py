@@ -52,6 +52,7 @@ from uqpen.study.inputs_section import read_constraints, read_inputs
 from uqpen.study.joint_section import Inputs, read_dependence, read_groups
 from uqpen.study.measured_section import check_roles, read_measured, read_validations
 from uqpen.study.model_section import (
+    check_finer,
     check_stand_ins,
     check_sweep,
     check_variants,
@@ -211,6 +212,7 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
         check_designs(tables["designs"], designs, joint)
         check_analyses(root, analyses, joint)
     check_stand_ins(root, models)
+    check_finer(root, models)
     if are_models_whole:
         check_outputs(tables["designs"], designs, quantities)
         check_models(tables["designs"], designs, models)

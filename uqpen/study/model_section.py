@@ -21,7 +21,7 @@ import numpy as np
 
 from uqpen.core.arrays import Arrays, FloatArray, is_finite_number
 from uqpen.core.errors import ModelError, QuantityError, toml_text
-from uqpen.core.labels import NAME, OUTCOME_OUTPUT, RANDOM_SEED, RESERVED
+from uqpen.core.labels import FINER_THAN, NAME, OUTCOME_OUTPUT, RANDOM_SEED, RESERVED, STANDS_FOR
 from uqpen.core.limits import Limits
 from uqpen.core.lookup import choices, resolve
 from uqpen.core.model import (
@@ -687,6 +687,21 @@ def check_stand_ins(root: TableReader, models: Mapping[str, Variant]) -> None:
             root.add_problem(key, found, "an output that is a number in both models")
 
 
+def check_finer(root: TableReader, models: Mapping[str, Variant]) -> None:
+    """Note models that are finer than another one than the first, or that stand for one."""
+    first, *others = [*root.table("models")] or [ONLY_MODEL]
+    for name, variant in models.items():
+        key = ("models", name, FINER_THAN)
+        if not variant.finer_than:
+            continue
+        if name not in others or variant.finer_than != first:
+            expected = f'"{first}" in another model: all are compared with the first one'
+            root.add_wrong(key, variant.finer_than, expected)
+        elif variant.stand_in is not None:
+            expected = "one of both: a finer model is no cheap one"
+            root.add_problem(key, f"{FINER_THAN} beside {STANDS_FOR}", expected)
+
+
 def _ancestors(name: str, stand_ins: Mapping[str, StandIn]) -> list[str]:
     """Return the models that one stands for, directly and through others; a circle ends."""
     found: list[str] = []
@@ -707,6 +722,9 @@ def _read_several(table: TableReader, mentioned: PartialModel) -> tuple[dict[str
         # A model with none of these keys stands for no other.
         is_stand_in = any(field.name in section for field, _ in declared_settings(StandIn))
         stand_in = section.settings(StandIn) if is_stand_in else None
+        finer_than = ""
+        if FINER_THAN in section:
+            finer_than = section.text(FINER_THAN, "the name of the first model") or ""
         model = read_model(section)
         known = model or read_partial_model(section, mentioned)
         if name == next(iter(table)):
@@ -718,7 +736,7 @@ def _read_several(table: TableReader, mentioned: PartialModel) -> tuple[dict[str
             inputs = {each.name: each for each in known.inputs} | inputs
         given = _read_given_inputs(replaced, known)
         if model is not None:
-            found[name] = Variant(model, given, stand_in)
+            found[name] = Variant(model, given, stand_in, finer_than)
     if first is None or first is mentioned:
         return found, mentioned
     own = {each.name for each in first.inputs}

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from uqpen.core.files import FileSnapshot
+from uqpen.core.labels import FINER_THAN, STANDS_FOR
 from uqpen.core.model import Model
 from uqpen.core.settings import name, number
 from uqpen.designs.design import Design, UnloadedDesign
@@ -65,11 +66,19 @@ class Variant:
     model: Model  # the model to run
     given: Mapping[str, float]  # values of inputs that replace the study's own, in SI units
     stand_in: StandIn | None = None  # the model that it stands for, and what a run of it costs
+    finer_than: str = ""  # the model that it is with a finer tolerance or grid; empty for none
 
     def with_model(self, model: Model) -> Variant:
         """Return the variant with another form of its model, and what the study says of it."""
         own = model.with_derived(self.model.derived).with_noise(self.model.noise)
         return replace(self, model=own)
+
+    @property
+    def relation(self) -> dict[str, str]:
+        """The model that it is no alternative to, as an attribute; empty for none."""
+        if self.stand_in is not None:
+            return {STANDS_FOR: self.stand_in.stands_for}
+        return {FINER_THAN: self.finer_than} if self.finer_than else {}
 
 
 class SurrogateOrigin(NamedTuple):

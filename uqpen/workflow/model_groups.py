@@ -138,7 +138,8 @@ def model_groups(
     if trajectory is not None:
         yield f"/{TRAJECTORY}", trajectory
     if study.has_several_models:
-        yield "/", xr.Dataset(attrs=model_attributes(variant.model))
+        attributes = {**model_attributes(variant.model), **variant.relation}
+        yield "/", xr.Dataset(attrs=attributes)
 
 
 def _design_source(
@@ -325,8 +326,8 @@ def difference_groups(
         quantities = study.model_quantities(study.models[other].model)
         for design in study.designs:
             pair = runs[first][design], runs[other][design]
-            of_events = bool(study.swept)
-            found = model_differences(*pair, quantities, of_events=of_events)
+            of_answers = bool(study.swept or study.models[other].finer_than)
+            found = model_differences(*pair, quantities, of_answers=of_answers)
             for output, statistics in found.items():
                 path = f"/{DIFFERENCES}/{other}/{design}/{output}"
                 marked = mark_uncertified({"": statistics}, pair[0].attrs)[""]
@@ -334,10 +335,13 @@ def difference_groups(
 
 
 def model_form_groups(study: ValidatedStudy, runs: Mapping[str, Runs]) -> Groups:
-    """Yield the groups of the shares of model form; a stand-in is no model of its own."""
+    """Yield the groups of the shares of model form.
+
+    A stand-in is no model of its own, and neither is the same model that is finer.
+    """
     if study.swept:  # its values are no alternatives, of which one is right
         return
-    alternatives = [name for name, each in study.models.items() if each.stand_in is None]
+    alternatives = [name for name, each in study.models.items() if not each.relation]
     for design in study.designs:
         of_design = {name: runs[name][design] for name in alternatives}
         if len(of_design) > 1:

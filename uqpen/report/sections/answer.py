@@ -51,7 +51,7 @@ from uqpen.report.sections.sentences import (
 from uqpen.results.acceptance import Acceptance
 from uqpen.results.archive_view import ArchiveView, output_title
 from uqpen.results.digits import count_text, estimate_text, grouped_number, percent_texts
-from uqpen.results.error_statement import error_tables
+from uqpen.results.error_statement import MAIN, error_tables
 from uqpen.results.failed_runs import FailedRuns, failed_runs
 from uqpen.results.output_tables import runs_spent, tolerance_cell
 from uqpen.results.repeats import noise_sentences
@@ -71,9 +71,7 @@ _MOST_REASONS = 3
 
 def answer(view: ArchiveView) -> Iterator[Block]:
     """The main results of a study; of several models, their differences first."""
-    # Those of the first output; a line opens each other.
-    tables = enumerate(error_tables(view.archive))
-    errors = [Table(table, is_folded=place > 0) for place, table in tables]
+    errors = _error_blocks(view)
     if not view.model:
         yield from _answer(view)
         yield from errors
@@ -82,6 +80,15 @@ def answer(view: ArchiveView) -> Iterator[Block]:
     for each in view.model_views:
         yield Fold(f"By {each.model} alone", tuple(_answer(each)))
     yield from errors
+
+
+def _error_blocks(view: ArchiveView) -> Iterator[Block]:
+    """Yield what errors are made of: of the first output with more than runs and surrogates say."""
+    tables = [*error_tables(view.archive)]
+    if tables and any(label.startswith(MAIN) for label, _ in tables[0].rows):
+        yield Table(tables.pop(0))
+    if tables:
+        yield Fold("What the errors are made of", tuple(map(Table, tables)))
 
 
 def _answer(view: ArchiveView) -> Iterator[Block]:

@@ -228,7 +228,7 @@ def _half_spread(sample: Sample) -> Estimate:
     if reason:
         return Estimate.without_bounds(np.asarray(value), reason)
     errors, freedoms, _ = zip(*(cdf_error(sample, end) for end in ends), strict=True)
-    correlation = _correlation(sample, *(sample.event(operator.le, end) for end in ends))
+    correlation = correlation_of_shares(sample, *(sample.event(operator.le, end) for end in ends))
     low, high = student_interval(
         probabilities, errors, freedoms[0], sample.level, lowest=0.0, highest=1.0
     )
@@ -236,14 +236,14 @@ def _half_spread(sample: Sample) -> Estimate:
     up = (sample_quantile(sample, high) - ends) / 2
     return Estimate(
         np.asarray(value),
-        np.asarray(value - _combined_error(up[0], down[1], correlation)),
-        np.asarray(value + _combined_error(down[0], up[1], correlation)),
+        np.asarray(value - combined_error(up[0], down[1], correlation)),
+        np.asarray(value + combined_error(down[0], up[1], correlation)),
         texts.TWO_WOODRUFF.format(error_model=sample.error_model),
         "conservative" if sample.error_model is ErrorModel.SINGLE_STRATIFIED_SET else "discrete",
     )
 
 
-def _correlation(sample: Sample, one: Column, other: Column) -> float:
+def correlation_of_shares(sample: Sample, one: Column, other: Column) -> float:
     """Correlation of the errors of two shares, estimated from their scatter; else 0."""
     first_events: Any = one.astype(np.float64)
     second_events: Any = other.astype(np.float64)
@@ -257,7 +257,7 @@ def _correlation(sample: Sample, one: Column, other: Column) -> float:
     return min(max(correlation, -1.0), 1.0)
 
 
-def _combined_error(low: float, high: float, correlation: float) -> float:
+def combined_error(low: float, high: float, correlation: float) -> float:
     """Error of a difference from the errors of its terms and their correlation."""
     largest = max(abs(low), abs(high))
     if not largest > 0:
