@@ -42,6 +42,7 @@ def check(file: Path, is_tried: bool) -> ExitCode:
             runs_text,
             section_lines,
             surrogate_rows,
+            unanswered_lines,
             unfitted_lines,
         )
 
@@ -67,7 +68,7 @@ def check(file: Path, is_tried: bool) -> ExitCode:
         console.print(plain_table(["surrogate", "fitted to", "checked by"], surrogate_rows(study)))
         for line in unfitted_lines(study):
             console.print(printable(line), markup=False)
-    for line in default_run_lines(study):
+    for line in (*default_run_lines(study), *unanswered_lines(study)):
         console.print(f"\n{printable(line)}", markup=False)
     console.print(f"\n{runs_text(study)} in all; the study is right", markup=False)
     # Lines that `uqpen init` has left to its reader.

@@ -183,6 +183,10 @@ class Design(ABC):
         """
         yield from ()
 
+    def gives_quantile(self, output: str, probability: float) -> bool:
+        """Check if its runs give a quantile of an output, or bounds of it, though no sample."""
+        return False
+
     def remarks(self, joint: JointDistribution) -> Iterator[str]:
         """Yield what the summary of a study says of it, in a line each."""
         yield from ()

@@ -9,6 +9,7 @@ from html import escape
 from uqpen.core.catalogue import REQUESTED
 from uqpen.core.html import html_table
 from uqpen.core.lookup import family_name, resolve
+from uqpen.core.sampling import Sampling
 from uqpen.core.settings import declared_settings
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.designs import DESIGNS
@@ -17,7 +18,11 @@ from uqpen.designs.design import RUNS
 from uqpen.designs.repeated import RepeatedDesign, each_point_once
 from uqpen.distributions.joint_distribution import DerivedInput, FixedInput
 from uqpen.models.data.data_model import DataModel
-from uqpen.statistics.quantity_of_interest import Acceptable, QuantityOfInterest
+from uqpen.statistics.quantity_of_interest import (
+    DEFAULT_QUANTILES,
+    Acceptable,
+    QuantityOfInterest,
+)
 from uqpen.study import SECTIONS
 from uqpen.study.study import ValidatedStudy
 from uqpen.surrogates.refinement import RefinedDesign
@@ -174,6 +179,34 @@ def default_run_lines(study: ValidatedStudy) -> Iterator[str]:
             yield f"warning: {name} makes {count} of the {study.runs} runs by default ({numbers})"
 
 
+def unanswered_lines(study: ValidatedStudy) -> Iterator[str]:
+    """Yield a warning of what a study asks for, where none of its runs are a sample."""
+    designs = [each_point_once(design) for design in study.designs.values()]
+    is_over_box = any(each.sampling_of(study.joint) is Sampling.OVER_BOX for each in designs)
+    if study.surrogates or is_over_box or any(each.samples_inputs(study.joint) for each in designs):
+        return
+    found = []
+    for quantity in study.quantities_of_interest:
+        name = quantity.output.name
+        given = [
+            (each.sampling, p)
+            for p in quantity.quantiles
+            for each in designs
+            if each.gives_quantile(name, p)
+        ]
+        has_limits = any(sampling is Sampling.TOWARDS_EVENT for sampling, _ in given)
+        asked = [*_probabilities(quantity), *_further(quantity, with_limits=not has_limits)]
+        # All studies have some quantiles, for which none has to ask.
+        known = {*DEFAULT_QUANTILES, *(p for _, p in given)}
+        asked += [f"quantile {p:g}" for p in quantity.quantiles if p not in known]
+        found += [f"{', '.join(asked)} of {name}"] * bool(asked)
+    if found:
+        yield (
+            f"warning: nothing answers {'; '.join(found)}: no design is a sample of the inputs, "
+            "and one for bounds or for a rare event answers what it names itself"
+        )
+
+
 def section_lines(study: ValidatedStudy) -> Iterator[str]:
     """Yield what sections state in a line each: limits, treatment of failed runs, constraints."""
     if isinstance(study.model, DataModel):
@@ -261,13 +294,16 @@ def _requested(quantity: QuantityOfInterest) -> list[str]:
     return [
         f"moments, cdf, quantiles {_listed(quantity.quantiles)}",
         *_probabilities(quantity),
-        *(
-            statistic.asked.summary.replace("{entry}", f"{entry:.10g}")
-            for statistic in REQUESTED
-            if statistic.asked.summary
-            for entry in quantity.requested(statistic)
-        ),
+        *_further(quantity),
     ]
+
+
+def _further(quantity: QuantityOfInterest, *, with_limits: bool = True) -> Iterator[str]:
+    """Yield the requested statistics with words of their own, perhaps without tolerance limits."""
+    for statistic in REQUESTED:
+        if statistic.asked.summary and (with_limits or not statistic.shown.ends):
+            for entry in quantity.requested(statistic):
+                yield statistic.asked.summary.replace("{entry}", f"{entry:.10g}")
 
 
 def _listed(probabilities: Iterable[float]) -> str:

@@ -326,6 +326,9 @@ class IntervalBounds(Design):
                 object.__setattr__(self, key, tuple(written))
         super().__post_init__()
 
+    def gives_quantile(self, output: str, probability: float) -> bool:
+        return probability in self.quantiles.get(output, ())
+
     def check_settings(self) -> Iterator[Problem]:
         if not self._described:
             expected = (

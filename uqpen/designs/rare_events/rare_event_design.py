@@ -20,6 +20,7 @@ from uqpen.core.sampling import Sampling
 from uqpen.core.streams import Stream
 from uqpen.designs import DESIGNS
 from uqpen.designs.design import Design, Rounds
+from uqpen.designs.rare_events import RARE_EVENT_METHODS
 from uqpen.designs.rare_events.limit_state import (
     EventOutcomes,
     LimitState,
@@ -126,6 +127,11 @@ class RareEventDesign(Design):
         stream : Stream
             Source of the replicate's random numbers.
         """
+
+    def gives_quantile(self, output: str, probability: float) -> bool:
+        method = RARE_EVENT_METHODS.get(self.method)
+        has_levels = method is not None and bool(method.quantiles)
+        return has_levels and output in parse_limit_state(self.event).outputs
 
     def check_inputs(self, joint: JointDistribution) -> Iterator[Problem]:
         for entry in joint.random:
