@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from scipy.stats import norm
+from scipy.stats import norm, t
 
 import uqpen
 from uqpen.charts.distributions import bound_charts, cdf_charts
@@ -280,7 +280,8 @@ def test_one_statement_has_all_parts_of_an_error(fitted):
     labels = ["mean", "5 % quantile", "median", "95 % quantile"]
     assert [below.label, *(each.label for each in others)] == ["P(< 8)", *labels]
     parts = {part.name: part for part in (*below.parts, below.total, *below.bought)}
-    assert [*parts] == ["sampling", "fitted", "total", "sampling, 4 times the runs"]
+    more = [f"fitted, {count} specimens of x" for count in (16, 32)]
+    assert [*parts] == ["sampling", "fitted", "total", "sampling, 4 times the runs", *more]
     found = stated(tree)
     assert parts["sampling"][1:3] == tuple(found["plug_in_below"].values[0, 1:])
     assert parts["fitted"][1:3] == parts["total"][1:3] == tuple(found["fitted_below"].values[0, 1:])
@@ -304,6 +305,36 @@ def test_one_statement_has_all_parts_of_an_error(fitted):
     assert errors["total"]["upper"] == parts["total"].upper
 
 
+def test_more_specimens_make_the_part_of_the_parameters_narrower_as_computed(fitted):
+    _, tree = fitted
+    _, mean, *_ = error_statements(tree)
+    parts, scatter = {part.name: part for part in mean.bought}, np.std(SPECIMENS)
+    for count in (16, 32):
+        part = parts[f"fitted, {count} specimens of x"]
+        # Student's interval of a mean, whose sum of squares is that of copies of the specimens; the
+        # ends lie on 10 of 400 draws, and the runs add little.
+        half = t.ppf(0.975, count - 1) * scatter / np.sqrt(count - 1)
+        assert part.upper - part.lower == pytest.approx(2 * half, rel=0.15)
+        assert (part.lower + part.upper) / 2 == pytest.approx(np.mean(SPECIMENS), abs=0.1)
+    found = stated(tree)["more_specimens_below"]
+    assert found["specimens"].values.tolist() == ["16 specimens of x", "32 specimens of x"]
+    widths = np.ptp(found.values[:, 0, 1:], axis=1)
+    assert widths[1] < widths[0] < np.ptp(stated(tree)["fitted_below"].values[0, 1:])
+
+
+def test_each_input_has_more_specimens_of_its_own(study_of, measured):
+    text = '[designs.some]\nkind = "monte-carlo"\nruns = 1000'
+    tree = uqpen.run(study_of("x + 0.1 * z", text, x=measured, z=measured))
+    parts = {part.name: part for part in next(iter(error_statements(tree))).bought}
+    of = {
+        name: parts[f"fitted, 32 specimens of {name}"].upper
+        - parts[f"fitted, 32 specimens of {name}"].lower
+        for name in "xz"
+    }
+    # The width is nearly all due to x.
+    assert of["x"] < 0.6 * of["z"]
+
+
 def test_a_statement_is_by_the_design_that_has_the_interval_and_names_its_surrogates(
     study_of, measured
 ):
@@ -311,7 +342,7 @@ def test_a_statement_is_by_the_design_that_has_the_interval_and_names_its_surrog
         '[designs.blocks]\nkind = "saltelli"\nbase = 32\n'
         '[designs.some]\nkind = "monte-carlo"\nruns = 200\n'
         '[surrogates.one]\nkind = "gaussian-process"\ndesign = "some"\n'
-        '[surrogates.two]\nkind = "gaussian-process"\ndesign = "some"\ntrend = "linear"\n'
+        '[surrogates.two]\nkind = "polynomial-chaos"\ndesign = "some"\norder = 2\n'
     )
     tree = uqpen.run(study_of("x + b", text, x=measured, b="0 ± 1"))
     mean, *_ = error_statements(tree)

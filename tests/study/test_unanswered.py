@@ -42,7 +42,8 @@ def test_answers_without_a_sample_are_told(study_of, design, x, left):
         (f"[designs.some]\n{BOUNDS}", "{ interval = [1, 2] }"),
         (
             ASKED
-            + 'kind = "quadrature"\norder = 2\n[surrogates.s]\nkind = "polynomial-chaos"\ndesign = "some"',
+            + 'kind = "quadrature"\norder = 2\n'
+            + '[surrogates.s]\nkind = "polynomial-chaos"\ndesign = "some"',
             "0 ± 1",
         ),
     ],

@@ -38,6 +38,7 @@ from uqpen.core.labels import (
     MEASURED_ROW,
     MINIMUM,
     MOMENTS,
+    MORE_SPECIMENS,
     NOISE,
     NOTE,
     OF_CATEGORY,
@@ -62,6 +63,7 @@ from uqpen.core.labels import (
     SENSITIVITY_EVENT,
     SHARES,
     SHORTFALL_LEVEL,
+    SPECIMENS,
     STATUS,
     TAILS,
     THRESHOLD,
@@ -579,6 +581,13 @@ def _over_unknowns() -> Iterator[Statistic]:
 _STATISTICS = [
     *_OF_VALUES,
     *_over_unknowns(),
+    *(
+        derived(
+            each, MORE_SPECIMENS, "{title} over parameters that fit more specimens", (SPECIMENS,)
+        )
+        for each in _OF_VALUES
+        if each.name in ("mean", "quantile", "exceedance", "below")
+    ),
     # Those of a difference are others: a quantile of differences is no difference of quantiles.
     *(
         derived(
@@ -1195,6 +1204,7 @@ DIMENSIONS: Mapping[str, EntryDimension] = MappingProxyType(
         for each in (
             *(statistic.own for statistic in _ALL if statistic.own),
             EntryDimension(RUNS_SO_FAR, "count", is_listed=False),
+            EntryDimension(SPECIMENS, "text", is_listed=False),
             EntryDimension(INPUT, "text"),
             EntryDimension(PAIR, "text", {"pair_first": "text", "pair_second": "text"}),
             EntryDimension(STATUS, "text"),

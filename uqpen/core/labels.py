@@ -177,13 +177,14 @@ SURROGATES = "surrogates"
 
 # Beginnings of the names of statistics that follow from others: of the logarithm of an output, of
 # whether it exceeds a value or is in a category, of a whole field, of its mean given the inputs,
-# and by the runs so far.
+# by the runs so far, and if there were more specimens.
 OF_LOGARITHM = "log_"
 OF_EXCEEDANCE = "exceedance_"
 OF_CATEGORY = "category_"
 OF_FIELD = "generalized_"
 OF_MEAN = "mean_"
 BY_RUNS = "convergence_"
+MORE_SPECIMENS = "more_specimens_"
 
 TRAJECTORY = "trajectory"
 # The files that a study names.
@@ -369,5 +370,7 @@ OUTPUT_SHARE = "output_share"
 INPUT_SHARE = "input_share"
 PERCENT = "percent"
 RUNS_SO_FAR = "runs_so_far"
+# Numbers of specimens that an input might be fitted to, as texts.
+SPECIMENS = "specimens"
 # A curve or field of a run, by the number of the run.
 CURVE = "curve"

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
 
@@ -53,6 +53,8 @@ class Unknown(ABC):
 
 # Draws of the parameters: the ends of a 95 % interval over them lie on 25 draws each.
 DRAWS = 1000
+# How many times the specimens are in what more of them would say, and the draws for it.
+_TIMES, _DRAWS_OF_MORE = (2, 4), 400
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,13 +65,36 @@ class FittedParameters(Unknown):
     # With parameters under which such specimens would be likely as well, all equally probable.
     draws: tuple[Distribution, ...]
     predictive: Distribution  # of the next specimen: the mixture of the draws
+    family: str
+    measurements: FloatArray  # the specimens, in SI units
+    generators: Sequence[np.random.Generator]  # of the draws for more specimens
+    limits: tuple[float, float] | None = None  # of truncated distributions
+
+    @cached_property
+    def draws_of_more(self) -> dict[int, Sequence[Distribution]]:
+        """Draws by the number of specimens, if there were two or four times as many like these."""
+        found: dict[int, Sequence[Distribution]] = {}
+        for times, rng in zip(_TIMES, self.generators, strict=True):
+            # Copies of all have the same fit.
+            many = np.tile(self.measurements, times)
+            draws = _draws(self.family, many, _DRAWS_OF_MORE, rng)
+            if self.limits is not None:
+                draws = tuple(Truncated(each, *self.limits) for each in draws)
+            found |= {len(many): draws} if draws else {}
+        return found
 
     def drawn(self) -> Distribution:
         return self.predictive
 
     def truncated(self, lower: float, upper: float) -> FittedParameters:
-        each = [Truncated(part, lower, upper) for part in (self.fitted, *self.draws)]
-        return FittedParameters(each[0], tuple(each[1:]), Mixed.of(each[1:]))
+        fitted, *draws = (Truncated(part, lower, upper) for part in (self.fitted, *self.draws))
+        return replace(
+            self,
+            fitted=fitted,
+            draws=tuple(draws),
+            predictive=Mixed.of(draws),
+            limits=(lower, upper),
+        )
 
 
 @dataclass(frozen=True)
@@ -160,42 +185,55 @@ def fitted_parameters(
     Lawless, J. F. (2003). Statistical Models and Methods for Lifetime Data, appendix E. Wiley.
     Geisser, S. (1993). Predictive Inference. Chapman & Hall.
     """
-    fitted, cls = maximum_likelihood(family, measurements), resolve(DISTRIBUTIONS[family])
+    fitted = maximum_likelihood(family, measurements)
+    draws = _draws(family, measurements, DRAWS, rng)
+    if not draws:
+        found = f"measurements too far apart for the uncertainty of a {family} distribution"
+        raise SettingsError([Problem((), found, "another family, or more measurements")])
+    predictive: Distribution
+    if resolve(DISTRIBUTIONS[family]) is Normal:
+        count = len(measurements)
+        width = float(measurements.std(ddof=1)) * math.sqrt(1 + 1 / count)
+        predictive = Student(float(measurements.mean()), width, count - 1.0)
+    else:
+        predictive = Mixed.of(draws)
+    generators = rng.spawn(len(_TIMES))
+    return FittedParameters(fitted, draws, predictive, family, measurements, generators)
+
+
+def _draws(
+    family: str, measurements: FloatArray, number: int, rng: np.random.Generator
+) -> tuple[Distribution, ...]:
+    """Return draws of the parameters; empty where one is beyond double precision."""
+    cls = resolve(DISTRIBUTIONS[family])
     try:
         with np.errstate(all="ignore"):
             made: Iterator[Distribution] = (
-                _gamma_draws(measurements, rng)
+                _gamma_draws(measurements, number, rng)
                 if cls is Gamma
-                else _pivotal_draws(_PIVOTS[cls], measurements, rng)
+                else _pivotal_draws(_PIVOTS[cls], measurements, number, rng)
             )
             draws = tuple(made)
     except (ArithmeticError, ValueError, SettingsError):
-        draws = ()
-    if not draws or not all(each.is_finite for each in draws):
-        found = f"measurements too far apart for the uncertainty of a {family} distribution"
-        raise SettingsError([Problem((), found, "another family, or more measurements")])
-    if cls is Normal:
-        count = len(measurements)
-        width = float(measurements.std(ddof=1)) * math.sqrt(1 + 1 / count)
-        return FittedParameters(
-            fitted, draws, Student(float(measurements.mean()), width, count - 1.0)
-        )
-    return FittedParameters(fitted, draws, Mixed.of(draws))
+        return ()
+    return draws if all(each.is_finite for each in draws) else ()
 
 
 def _pivotal_draws(
-    pivots: _Pivots, measurements: FloatArray, rng: np.random.Generator
+    pivots: _Pivots, measurements: FloatArray, number: int, rng: np.random.Generator
 ) -> Iterator[Distribution]:
     values = np.log(measurements) if pivots.is_of_logarithm else measurements
     location, scale = pivots.pair(maximum_likelihood(pivots.family, values))
-    for _ in range(DRAWS):
+    for _ in range(number):
         sample = pivots.standard.ppf(np.clip(rng.random(len(values)), *OPEN_INTERVAL))
         own_location, own_scale = pivots.pair(maximum_likelihood(pivots.family, sample))
         drawn_scale = scale / own_scale
         yield pivots.member(location - own_location * drawn_scale, drawn_scale)
 
 
-def _gamma_draws(measurements: FloatArray, rng: np.random.Generator) -> Iterator[Gamma]:
+def _gamma_draws(
+    measurements: FloatArray, number: int, rng: np.random.Generator
+) -> Iterator[Gamma]:
     """Draw from the posterior of a gamma distribution, its shape on a grid.
 
     The prior is √(k ψ′(k) − 1) / √k of the shape k and 1/θ of the scale θ.
@@ -217,7 +255,7 @@ def _gamma_draws(measurements: FloatArray, rng: np.random.Generator) -> Iterator
     likelihood -= count * k * (math.log(count) + excess)
     density = likelihood + np.log(curvature) / 2 + np.log(k) / 2  # of the logarithm of k
     below = np.cumsum(np.exp(density - density.max()))
-    shapes = np.exp(np.interp(rng.random(DRAWS), below / below[-1], logarithms))
+    shapes = np.exp(np.interp(rng.random(number), below / below[-1], logarithms))
     scales = total / rng.gamma(count * shapes)
     for shape, scale in zip(shapes.tolist(), scales.tolist(), strict=True):
         yield Gamma(shape * scale, math.sqrt(shape) * scale)

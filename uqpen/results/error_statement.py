@@ -14,9 +14,18 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
+from uqpen.archive.estimates import array_entries
 from uqpen.archive.read import group_names, model_trees
 from uqpen.core.catalogue import CATALOGUE
-from uqpen.core.labels import DIFFERENCES, FINER_THAN, MISSING, STANDS_FOR, SWEEP
+from uqpen.core.labels import (
+    DIFFERENCES,
+    FINER_THAN,
+    MISSING,
+    MORE_SPECIMENS,
+    SPECIMENS,
+    STANDS_FOR,
+    SWEEP,
+)
 from uqpen.core.statistic import Statistic, UnitRule
 from uqpen.core.status import Status
 from uqpen.core.units import scale
@@ -54,6 +63,7 @@ _DEFINITIONS = {
     "and in no interval",
 }
 _BOUGHT = "if further runs scatter as these do; no other part gets narrower by runs"
+_BOUGHT_BY_SPECIMENS = "this part, if further specimens scatter as these do"
 
 
 class ErrorPart(NamedTuple):
@@ -187,7 +197,13 @@ def _together(
     """Return the answer of a model by a design, and those over unknowns, by their names."""
     stated = statistics.statistics(design, output)
     names = (name, *(f"{prefix}{name}" for prefix in _PREFIXES))
-    return {each: stated[each] for each in names if each in stated}
+    found = {each: stated[each] for each in names if each in stated}
+    if (more := stated.get(f"{MORE_SPECIMENS}{name}")) is not None:
+        labels = more[SPECIMENS].values.tolist()
+        found |= {
+            f"{_FITTED}, {key}": each for key, each in zip(labels, array_entries(more), strict=True)
+        }
+    return found
 
 
 def _stated(
@@ -203,7 +219,7 @@ def _stated(
         answer=answer,
         parts=parts,
         total=_total(name, arrays, parts),
-        bought=tuple(_bought(parts, answer)),
+        bought=(*_bought(parts, answer), *_bought_by_specimens(arrays)),
     )
 
 
@@ -217,7 +233,9 @@ def _parts(
     for part, array in named.items():
         if array is not None:
             _, lower, upper = array.values.tolist()
-            found = ErrorPart(part, lower, upper, _DEFINITIONS[part.split()[0]])
+            text = _DEFINITIONS[part.split()[0]]
+            text += "; of the next specimen" * (part in surrogates and f"fitted_{name}" in arrays)
+            found = ErrorPart(part, lower, upper, text)
             yield found if found.is_known else found._replace(definition=estimate_remark(array))
     least, largest = arrays.get(f"lower_{name}"), arrays.get(f"upper_{name}")
     if least is not None and largest is not None:
@@ -298,13 +316,14 @@ def _total(name: str, arrays: dict[str, xr.DataArray], parts: tuple[ErrorPart, .
             key.removeprefix(head): array for key, array in arrays.items() if key.startswith(head)
         }
         ends.append(_computed(name, own)[:2])
-    others = [part for part in parts if part.name != _FORM]
+    # A surrogate is of the next specimen, and not of the parameters as fitted.
+    left_out = (_FORM, *[_SURROGATE] * (f"fitted_{name}" in arrays))
+    others = [part for part in parts if not part.name.startswith(left_out)]
     ends += [(part.lower, part.upper) for part in others]
     known = [pair for pair in ends if all(map(math.isfinite, pair))]
-    unknown = [part.name for part in others if not part.is_known]
     over = [part.name for part in others if part.is_known and part.name.split()[0] == _SURROGATE]
     over += [each.replace(":", "") for each in finer]
-    without = [*unknown, *(part.name for part in parts if part.name == _FORM)]
+    without = [part.name for part in parts if not part.is_known or part not in others]
     text = f"computed for {what}{' together' * (' and ' in what)}"
     text += f", and over the same by {' and by '.join(over)}" if over else ""
     text += f"; without {' and '.join(without)}" if without else ""
@@ -324,6 +343,14 @@ def _bought(parts: tuple[ErrorPart, ...], answer: float) -> Iterator[ErrorPart]:
         for end, far in ((inner.lower, part.lower), (inner.upper, part.upper))
     )
     yield ErrorPart(f"{_SAMPLING}, {_TIMES} times the runs", lower, upper, _BOUGHT)
+
+
+def _bought_by_specimens(arrays: dict[str, xr.DataArray]) -> Iterator[ErrorPart]:
+    """Yield what more specimens make of the part over the parameters."""
+    for key, array in arrays.items():
+        if key.startswith(f"{_FITTED}, "):
+            _, lower, upper = array.values.tolist()
+            yield ErrorPart(key, lower, upper, _BOUGHT_BY_SPECIMENS)
 
 
 def error_tables(archive: xr.DataTree) -> Iterator[OutputTable]:

@@ -11,14 +11,11 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.estimates import INTERVAL_TEXTS, estimate_array
-from uqpen.core.arrays import BoolArray, IntArray
+from uqpen.core.arrays import BoolArray
 from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import (
-    BOUND,
     BY_RUNS,
     FAILED_RUN,
-    INTERVAL_LEVEL,
     REPLICATE,
     RUN,
     RUNS_SO_FAR,
@@ -92,7 +89,10 @@ def convergence_of_parts(
             estimates = [estimate(part, quantity) for part in smaller]
             estimates.append(Estimate.from_array(last))
             stacked = Estimate.stacked(estimates, axis=0)
-            yield f"{BY_RUNS}{name}", _along_parts(stacked, last, np.array(sizes), whole.level)
+            described = {"units": "1", "long_name": "runs so far, including failed ones"}
+            along = RUNS_SO_FAR, np.array(sizes), described
+            array = stacked.along(last, along, ", by the runs so far", level=whole.level)
+            yield f"{BY_RUNS}{name}", array
 
 
 def _reason(model: ErrorModel, runs: int, replicates: int) -> str:
@@ -170,24 +170,6 @@ def part_sizes(runs: int, replicates: int) -> list[int]:
         ends = [end for end in ends if end >= _FEWEST]
     # A part with nearly all runs adds no information to the whole.
     return [*(end for end in ends if _GROWTH * end <= whole), whole][-_MOST:]
-
-
-def _along_parts(
-    estimates: Estimate, last: xr.DataArray, sizes: IntArray, level: float
-) -> xr.DataArray:
-    """Return the estimates of all parts along ``runs_so_far``, as the array of the last is."""
-    dims = {str(dim): last.sizes[dim] for dim in last.dims if dim != BOUND}
-    own = {key: each for key, each in last.coords.variables.items() if key not in INTERVAL_TEXTS}
-    described = {"units": "1", "long_name": "runs so far, including failed ones"}
-    return estimate_array(
-        estimates.bounds,
-        {RUNS_SO_FAR: len(sizes), **dims},
-        estimates.texts,
-        units=last.attrs["units"],
-        long_name=f"{last.attrs['long_name']}, by the runs so far",
-        attributes={INTERVAL_LEVEL: level},
-        coordinates={**own, RUNS_SO_FAR: (RUNS_SO_FAR, sizes, described)},
-    )
 
 
 # Sample from the first runs of a design that is still being run.

@@ -197,6 +197,41 @@ class Estimate:
             {name: (tuple(dims), values.reshape(shape)) for name, values in beside.items()}
         )
 
+    def along(
+        self,
+        array: xr.DataArray,
+        coordinate: tuple[str, Any, dict[str, str]],
+        words: str,
+        *,
+        level: float,
+    ) -> xr.DataArray:
+        """Return the estimates along a dimension before those of an estimate array.
+
+        Parameters
+        ----------
+        array : DataArray
+            Has the entries of each.
+        coordinate : tuple
+            The dimension, its labels and their attributes.
+        words : str
+            What the estimates are, behind the title of the array.
+        level : float
+            Confidence level.
+        """
+        from uqpen.archive.estimates import estimate_array
+
+        dims = {str(name): size for name, size in array.sizes.items() if name != BOUND}
+        own = {key: each for key, each in array.coords.variables.items() if key not in _TEXTS}
+        return estimate_array(
+            self.bounds,
+            {coordinate[0]: len(coordinate[1]), **dims},
+            self.texts,
+            units=array.attrs["units"],
+            long_name=f"{array.attrs['long_name']}{words}",
+            attributes={INTERVAL_LEVEL: level},
+            coordinates={**own, coordinate[0]: coordinate},
+        )
+
     def _columns(self) -> Iterator[npt.NDArray[Any]]:
         """Yield the numbers and the texts, all in the shape of the values."""
         shape = np.shape(self.value)

@@ -10,6 +10,7 @@ import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
+from types import MappingProxyType
 
 import numpy as np
 import scipy
@@ -18,7 +19,7 @@ import xarray as xr
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.blocks import BlockedRuns, LoadedDataset
 from uqpen.core.catalogue import CATALOGUE
-from uqpen.core.labels import BOUNDED_EVENT, RANK, SAMPLING, WEIGHT
+from uqpen.core.labels import BOUNDED_EVENT, MORE_SPECIMENS, RANK, SAMPLING, SPECIMENS, WEIGHT
 from uqpen.core.lookup import resolve
 from uqpen.core.sampling import Sampling
 from uqpen.core.streams import BLOCK
@@ -51,6 +52,9 @@ _KNOWN_OVER_UNKNOWNS = tuple(
     CATALOGUE[name] for name in ("mean", "quantile", "exceedance", "below", "share", "cdf")
 )
 
+# What is predicted for more specimens.
+_OF_MORE = ("mean", "quantile", "exceedance", "below")
+
 # A draw of which fewer runs count than this share of all is told.
 _FEW_OF_DRAW = 0.05
 # Draws whose weights are in memory together.
@@ -82,9 +86,9 @@ def statistics_over_unknowns(
     Returns
     -------
     dict of str to dict of str to DataArray
-        By output, estimate arrays by statistic: ``plug_in_…`` and ``fitted_…`` where parameters are
-        uncertain, ``lower_…`` and ``upper_…`` where some are intervals, and ``total_…`` where there
-        are both. Empty where none is.
+        By output, estimate arrays by statistic: ``plug_in_…``, ``fitted_…`` and, if there were more
+        specimens, ``more_specimens_…`` where parameters are uncertain, ``lower_…`` and ``upper_…``
+        where some are intervals, and ``total_…`` where there are both. Empty where none is.
     """
     sampling = Sampling(runs.attrs[SAMPLING])
     has_sample = sampling in (Sampling.INDEPENDENT, Sampling.STRATIFIED)
@@ -123,6 +127,13 @@ def statistics_over_unknowns(
                 sample, independent, quantity, joint, templates
             )
         }
+        if joint.fitted and not joint.boxes:
+            found[output] |= {
+                name: array.assign_attrs(counts)
+                for name, array in _with_more_specimens(
+                    sample, independent, quantity, joint, templates
+                )
+            }
     return found
 
 
@@ -232,6 +243,32 @@ def _fitted_estimates(
         yield f"fitted_{name}", template, over.estimate(name)
 
 
+def _with_more_specimens(
+    sample: Sample,
+    runs: xr.Dataset,
+    quantity: QuantityOfInterest,
+    joint: JointDistribution,
+    templates: Mapping[str, xr.DataArray],
+) -> Iterator[tuple[str, xr.DataArray]]:
+    """Yield the answers over the draws for more specimens of each input, along ``specimens``."""
+    asked = {name: templates[name] for name in _OF_MORE if name in templates}
+    found: dict[str, _OverDraws] = {}
+    for entry in joint.fitted if asked else ():
+        name = entry.variable.name
+        if isinstance(entry.unknown, FittedParameters):
+            for count, draws in entry.unknown.draws_of_more.items():
+                over = _OverDraws(sample, quantity, asked)
+                _through_draws(over, sample, runs, joint, instead={name: draws})
+                found[f"{count} specimens of {name}"] = over
+    for name, template in asked.items() if found else ():
+        estimates = [over.estimate(name) for over in found.values()]
+        labels = (SPECIMENS, np.array([*found], dtype=object), {"long_name": "specimens"})
+        stacked = Estimate.stacked(estimates, axis=0)
+        words = ", over parameters that fit more specimens"
+        array = stacked.along(template, labels, words, level=sample.level)
+        yield f"{MORE_SPECIMENS}{name}", array
+
+
 def _over_draws(
     sample: Sample,
     runs: xr.Dataset,
@@ -250,16 +287,19 @@ def _through_draws(
     runs: xr.Dataset,
     joint: JointDistribution,
     place: Sequence[Distribution] = (),
+    instead: Mapping[str, Sequence[Distribution]] = MappingProxyType({}),
 ) -> _OverDraws:
-    """Add all draws of the fitted parameters."""
-    unknowns = [e.unknown for e in joint.fitted if isinstance(e.unknown, FittedParameters)]
+    """Add all draws of the fitted parameters, those of some inputs in place of their own."""
+    draws = [
+        instead.get(each.variable.name, each.unknown.draws)
+        for each in joint.fitted
+        if isinstance(each.unknown, FittedParameters)
+    ]
     ratios = _Ratios(runs, joint, (*joint.fitted, *joint.boxes))
-    for start in range(0, DRAWS, _TOGETHER):
-        together = [
-            ratios.at([*(each.draws[draw] for each in unknowns), *place])[sample.used]
-            for draw in range(start, start + _TOGETHER)
-        ]
-        over.add(np.array(together))
+    every = [*zip(*draws, strict=False)]  # for more specimens there are fewer
+    for start in range(0, len(every), _TOGETHER):
+        together = every[start : start + _TOGETHER]
+        over.add(np.array([ratios.at([*each, *place])[sample.used] for each in together]))
     return over
 
 
@@ -317,9 +357,11 @@ class _OverDraws:
         values = np.concatenate(found)
         finite = np.isfinite(values).all(axis=0)
         low, middle, high = np.quantile(values, [tail, 0.5, 1 - tail], axis=0)
-        note = texts.FEW_RUNS_OF_DRAWS.format(few=self._few, draws=DRAWS) if self._few else ""
+        draws, note = self._next, ""
+        if self._few:
+            note = texts.FEW_RUNS_OF_DRAWS.format(few=self._few, draws=draws)
         method = texts.CURVES_OF_DRAWS if name == "cdf" else texts.OVER_DRAWS
-        estimate = Estimate(middle, low, high, method.format(draws=DRAWS), "nominal")
+        estimate = Estimate(middle, low, high, method.format(draws=draws), "nominal")
         missing = self._sample.missing.size
         left_out = texts.WITHOUT_MISSING.format(runs=missing) if missing else ""
         estimate = estimate.with_note(note, left_out, texts.FAMILY_IS_GIVEN)
