@@ -101,6 +101,20 @@ def test_the_total_is_computed_for_both_models_and_no_narrower_than_a_part(finer
         assert total.definition == "computed for the runs, and over the same by finer fine"
 
 
+def test_a_finer_model_over_a_box_is_in_the_total_without_a_paired_difference(tmp_path):
+    keys = {"fine": 'finer_than = "coarse"'}
+    study = study_of_models(tmp_path, keys=keys, coarse="x + b", fine="x + b + 0.25")
+    box = study.text.replace('x = "0 ± 1"', "x = { normal = { mean = [0, 1], std = 1 } }")
+    tree = uqpen.run(uqpen.parse_study(box, folder=tmp_path))
+    mean = statements(tree)["mean"]
+    own = parts(mean)
+    coarse, fine = (tree[f"models/{name}/statistics/some/y"] for name in ("coarse", "fine"))
+    # From the least mean of the one to the largest of the other, and their outer limits.
+    ends = float(coarse["lower_mean"][0]), float(fine["upper_mean"][0])
+    assert own["finer: fine"][1:3] == ends == pytest.approx((0, 1.25), abs=0.1)
+    assert mean.total[1:3] == (float(coarse["lower_mean"][1]), float(fine["upper_mean"][2]))
+
+
 def test_the_same_model_is_no_alternative(finer):
     assert "model_form" not in finer.children
     assert "model form" not in parts(statements(finer)["mean"])

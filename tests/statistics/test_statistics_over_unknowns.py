@@ -322,6 +322,18 @@ def test_more_specimens_make_the_part_of_the_parameters_narrower_as_computed(fit
     assert widths[1] < widths[0] < np.ptp(stated(tree)["fitted_below"].values[0, 1:])
 
 
+def test_failed_runs_widen_the_total_of_a_probability_and_of_no_mean(study_of, measured):
+    body = "np.where(b > 1.6, np.nan, x + b)"
+    text = "[outputs.y]\nbelow = [8]\n[designs.some]\n" + 'kind = "monte-carlo"\nruns = 1000'
+    tree = uqpen.run(study_of(body, text, x=measured, b="0 ± 1"))
+    below, mean, *_ = error_statements(tree)
+    share = 1 - tree["runs/some"]["y"].notnull().values.mean()
+    over = dict(zip(("lower", "upper"), stated(tree)["fitted_below"].values[0, 1:], strict=True))
+    assert below.total.lower == pytest.approx((1 - share) * over["lower"])
+    assert below.total.upper == pytest.approx((1 - share) * over["upper"] + share)
+    assert mean.total[1:3] == tuple(stated(tree)["fitted_mean"].values[1:])
+
+
 def test_each_input_has_more_specimens_of_its_own(study_of, measured):
     text = '[designs.some]\nkind = "monte-carlo"\nruns = 1000'
     tree = uqpen.run(study_of("x + 0.1 * z", text, x=measured, z=measured))

@@ -62,6 +62,7 @@ _DEFINITIONS = {
     _FORM: "range of the answers of {models} models at common points: no probability, "
     "and in no interval",
 }
+_OVER_BOTH = "from the least to the largest answer of both models over the intervals of the inputs"
 _BOUGHT = "if further runs scatter as these do; no other part gets narrower by runs"
 _BOUGHT_BY_SPECIMENS = "this part, if further specimens scatter as these do"
 
@@ -137,11 +138,11 @@ def _answers(
     trees = model_trees(archive)
     models = {name: SourceStatistics(tree) for name, tree in trees.items()}
     statistics = next(iter(models.values()))
-    finer = {
+    differences = {
         name: SourceStatistics.of_differences(archive, name)
         for name in group_names(archive, DIFFERENCES)
-        if FINER_THAN in trees[name].attrs
     }
+    finer = [name for name, tree in trees.items() if FINER_THAN in tree.attrs]
     alternatives = [
         name for name, tree in trees.items() if not {FINER_THAN, STANDS_FOR} & tree.attrs.keys()
     ]
@@ -154,11 +155,12 @@ def _answers(
                 continue
             found: dict[str, xr.DataArray | None] = {}
             found |= _together(statistics, design, output, name)
-            for each, difference in finer.items():
+            for each in finer:
                 of_finer = _together(models[each], design, output, name)
                 found |= {f"{_FINER} {each} {key}": array for key, array in of_finer.items()}
                 of = f"difference_of_{name}" if name in ("std", "quantile") else name
-                found[f"{_CHANGE} {each}"] = difference.get(design, output, of)
+                if each in differences:  # those over a box have none
+                    found[f"{_CHANGE} {each}"] = differences[each].get(design, output, of)
             for each in surrogates:
                 found[f"{_SURROGATE} {each}"] = statistics.get(each, output, name)
             for each in alternatives:
@@ -219,7 +221,7 @@ def _stated(
         answer=answer,
         parts=parts,
         total=_total(name, arrays, parts),
-        bought=(*_bought(parts, answer), *_bought_by_specimens(arrays)),
+        bought=tuple(_bought(arrays, parts, answer)),
     )
 
 
@@ -247,21 +249,32 @@ def _parts(
     if known and is_probability and (share := _missing_share(own)):
         lower, upper = _for_any_outcome(known[0], known[0], share)
         yield ErrorPart(_FAILED, lower, upper, _DEFINITIONS[_FAILED])
-    for key, change in arrays.items():
-        if key.startswith(_CHANGE) and known:
-            lower, upper = (known[0] + value for value in (*change.values[1:].tolist(),))
-            if is_probability:
-                lower, upper = max(lower, 0.0), min(upper, 1.0)
-            part = f"{_FINER}: {key.removeprefix(_CHANGE).strip()}"
-            found = ErrorPart(
-                part, min(lower, known[0]), max(upper, known[0]), _DEFINITIONS[_FINER]
-            )
-            is_known = math.isfinite(lower) and math.isfinite(upper)
-            yield found if is_known else ErrorPart(part, lower, upper, estimate_remark(change))
+    yield from _finer_parts(name, arrays, known, is_probability=is_probability)
     answers = [float(each[0]) for key, each in arrays.items() if key.startswith(_MODEL)]
     if len(answers) > 1:
         text = _DEFINITIONS[_FORM].format(models=len(answers))
         yield ErrorPart(_FORM, min(answers), max(answers), text)
+
+
+def _finer_parts(
+    name: str, arrays: dict[str, xr.DataArray], known: list[float], *, is_probability: bool
+) -> Iterator[ErrorPart]:
+    """Yield the part of each finer model: of the paired difference, or over the intervals."""
+    for finer in dict.fromkeys(key.split()[1] for key in arrays if key.startswith(f"{_FINER} ")):
+        change, part = arrays.get(f"{_CHANGE} {finer}"), f"{_FINER}: {finer}"
+        if change is not None and known:
+            lower, upper = (known[0] + change.values[1:]).tolist()
+            if not math.isfinite(upper - lower):
+                yield ErrorPart(part, lower, upper, estimate_remark(change))
+                continue
+            if is_probability:
+                lower, upper = max(lower, 0.0), min(upper, 1.0)
+            yield ErrorPart(part, min(lower, known[0]), max(upper, known[0]), _DEFINITIONS[_FINER])
+            continue
+        of_both = [f"{end}_{name}" for end in ("lower", "upper")]
+        of_both += [f"{_FINER} {finer} {key}" for key in of_both]
+        if ends := [float(arrays[key][0]) for key in of_both if key in arrays]:
+            yield ErrorPart(part, min(ends), max(ends), _OVER_BOTH)
 
 
 def _missing_share(array: xr.DataArray | None) -> float:
@@ -295,7 +308,8 @@ def _computed(name: str, arrays: dict[str, xr.DataArray]) -> tuple[float, float,
     else:
         return *arrays[name].values[1:].tolist(), "the runs", estimate_remark(arrays[name])
     _, lower, upper = array.values.tolist()
-    if share := _missing_share(array):
+    share = _missing_share(array)
+    if share and CATALOGUE[name].unit is UnitRule.NONE:
         lower, upper = _for_any_outcome(lower, upper, share)
     return lower, upper, what, estimate_remark(array)
 
@@ -312,9 +326,7 @@ def _total(name: str, arrays: dict[str, xr.DataArray], parts: tuple[ErrorPart, .
     finer = [part.name for part in parts if part.name.startswith(_FINER)]
     for each in finer:
         head = f"{each.replace(':', '')} "
-        own = {
-            key.removeprefix(head): array for key, array in arrays.items() if key.startswith(head)
-        }
+        own = {key.removeprefix(head): arrays[key] for key in arrays if key.startswith(head)}
         ends.append(_computed(name, own)[:2])
     # A surrogate is of the next specimen, and not of the parameters as fitted.
     left_out = (_FORM, *[_SURROGATE] * (f"fitted_{name}" in arrays))
@@ -330,23 +342,18 @@ def _total(name: str, arrays: dict[str, xr.DataArray], parts: tuple[ErrorPart, .
     return ErrorPart(_TOTAL, min(low for low, _ in known), max(high for _, high in known), text)
 
 
-def _bought(parts: tuple[ErrorPart, ...], answer: float) -> Iterator[ErrorPart]:
-    """Yield what more runs make of the sampling error, which is all that they change."""
+def _bought(
+    arrays: dict[str, xr.DataArray], parts: tuple[ErrorPart, ...], answer: float
+) -> Iterator[ErrorPart]:
+    """Yield what more runs make of the sampling error, and more specimens of that of a fit."""
     named = {part.name: part for part in parts}
     part = named.get(_SAMPLING)
-    if part is None or not part.is_known:
-        return
-    # As many of more runs would fail.
-    inner = named.get(_FAILED, part._replace(lower=answer, upper=answer))
-    lower, upper = (
-        end + (far - end) / math.sqrt(_TIMES)
-        for end, far in ((inner.lower, part.lower), (inner.upper, part.upper))
-    )
-    yield ErrorPart(f"{_SAMPLING}, {_TIMES} times the runs", lower, upper, _BOUGHT)
-
-
-def _bought_by_specimens(arrays: dict[str, xr.DataArray]) -> Iterator[ErrorPart]:
-    """Yield what more specimens make of the part over the parameters."""
+    if part is not None and part.is_known:
+        # As many of more runs would fail.
+        inner = named.get(_FAILED, part._replace(lower=answer, upper=answer))
+        lower = inner.lower + (part.lower - inner.lower) / math.sqrt(_TIMES)
+        upper = inner.upper + (part.upper - inner.upper) / math.sqrt(_TIMES)
+        yield ErrorPart(f"{_SAMPLING}, {_TIMES} times the runs", lower, upper, _BOUGHT)
     for key, array in arrays.items():
         if key.startswith(f"{_FITTED}, "):
             _, lower, upper = array.values.tolist()
@@ -361,10 +368,10 @@ def error_tables(archive: xr.DataTree) -> Iterator[OutputTable]:
         title = f"{output}: what the errors are made of, {design}"
         table = OutputTable(title, [each.column for each in every])
         rows: dict[str, list[str]] = {}
-        for block in ("parts", "total", "bought"):
+        # An answer may lack parts that another has.
+        for block in (lambda of: of.parts, lambda of: (of.total,), lambda of: of.bought):
             for place, each in enumerate(every):
-                found = getattr(each, block)
-                for part in (found,) if isinstance(found, ErrorPart) else found:
+                for part in block(each):
                     cells = rows.setdefault(part.name, [NOTHING] * len(every))
                     cells[place] = each.text(part) + table.note_mark(part.definition)
         table.rows = [*rows.items()]
