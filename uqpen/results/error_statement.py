@@ -119,7 +119,7 @@ def error_statements(archive: xr.DataTree) -> Iterator[ErrorStatement]:
     """
     if archive.attrs.get(SWEEP):
         return  # its models are one at several values, whose differences are the answer
-    for output, design, unit, record, arrays in _answers(archive):
+    for output, design, unit, record, arrays in _estimates(archive):
         for label, entries in labelled_entries(record, arrays):
             parts = ErrorStatement(output, label, design, record.unit is UnitRule.NONE, unit)
             statement = _stated(parts, record.name, entries)
@@ -131,7 +131,7 @@ def error_statements(archive: xr.DataTree) -> Iterator[ErrorStatement]:
                 yield statement
 
 
-def _answers(
+def _estimates(
     archive: xr.DataTree,
 ) -> Iterator[tuple[str, str, str, Statistic, dict[str, xr.DataArray]]]:
     """Yield each output with a design, a unit and an answer, and all estimates that are of it."""
