@@ -8,8 +8,12 @@ from scipy import integrate, stats
 
 import uqpen
 from uqpen.archive.structure import find_faults
+from uqpen.charts.marks import Line
+from uqpen.charts.measured_values import measurement_charts
 from uqpen.measurements import Experiments
+from uqpen.report.page import report_page
 from uqpen.report.sections.summary import summary_lines
+from uqpen.results.archive_view import select_view
 from uqpen.results.json import archive_json
 from uqpen.results.output_tables import output_tables
 from uqpen.study.load import parse_study
@@ -311,3 +315,55 @@ def test_a_further_experiment_makes_its_own_runs_alone(tmp_path, command_line):
     outcome = command_line("study", str(study))
     assert outcome.code == 0
     assert "120 of 160 runs already done" in outcome.err
+
+
+HALVES = LINE.replace(
+    "x = [0, 1, 2, 3]\ny = [1.1, 2.9, 5.2, 6.8]", "x = [0, 1]\ny = [1.1, 2.9]"
+).replace(
+    "[designs.fit]",
+    """[measured.rest]
+unknown = ["a", "b"]
+table = { x = [2, 3], y = [5.2, 6.8] }
+y = { std = 0.2, correlation = "none" }
+[designs.fit]""",
+).replace('measured = ["line"]', 'measured = ["line", "rest"]')  # fmt: skip
+
+
+def test_two_sections_teach_as_much_as_one_of_all_rows(tmp_path):
+    whole, halves = (run_line(tmp_path, text)["calibrations/fit"] for text in (LINE, HALVES))
+    for name in ("unknown_value", "standard_error", "sum_of_squares"):
+        assert halves[name].values == pytest.approx(whole[name].values, rel=1e-6)
+    assert halves["experiment_number"].values.tolist() == [1, 1, 2, 2]
+
+
+def test_a_worse_model_has_the_larger_score_at_the_same_draws(tmp_path):
+    single = SHOTS[SHOTS.index("[model]") : SHOTS.index("[inputs]")]
+    worse = single.replace("[model", "[models.worse").replace(":line", ":shifted")
+    shifted = MODEL.replace("line", "shifted").replace("a + b", "20 + a + b")
+    (tmp_path / "line.py").write_text(MODEL + shifted)
+    text = SHOTS.replace(single, single.replace("[model", "[models.right") + worse)
+    tree = uqpen.run(parse_study(text.replace("std = 10", "std = 2"), folder=tmp_path))
+    found = tree["models/worse/validation/fit/y"]["score_difference"].values
+    assert found[2] < 0  # the score of the first is smaller
+    assert "score_difference" not in tree["models/right/validation/fit/y"]
+
+
+def test_the_page_has_measured_values_and_curves_beside_the_model(tmp_path):
+    tree = run_line(tmp_path, LINE)
+    (charts,) = measurement_charts(select_view(tree, None, None, None))
+    against, curve, errors = charts.charts
+    assert [each.title for each in charts.charts] == [
+        *("measured against predicted", "curve"),
+        "error against x",
+    ]
+    measured = against.marks[1]
+    assert measured.bounds[0] == pytest.approx([1.1, 0.7, 1.5])  # two standard deviations
+    fitted = tree["calibrations/fit/fitted"].values
+    assert np.asarray(measured.places) == pytest.approx(fitted)
+    line = next(mark for mark in curve.marks if isinstance(mark, Line))
+    assert np.asarray(line.y) == pytest.approx(fitted)
+    z = errors.marks[-1]
+    assert np.asarray(z.y) == pytest.approx((fitted - [1.1, 2.9, 5.2, 6.8]) / 0.2)
+    page = report_page(tree)
+    assert "The model and the measurements" in page
+    assert "The model fits 4 measured values of line" in page

@@ -21,17 +21,17 @@ _BARS = 2
 _NOTE = "Bars are two standard deviations."
 
 
-def measurement_charts(view: ArchiveView) -> Iterator[tuple[str, Charts]]:
-    """Yield the charts of each measured output by each design, with a heading."""
+def measurement_charts(view: ArchiveView) -> Iterator[Charts]:
+    """Yield the charts of each measured output by each design."""
     for of in measured_rows(view.tree):
         if "measured" in of.statistics:
             found = (of.values("predicted_mean"), of.values("predicted_std"))
             z = np.asarray(of.statistics["z_score"].values)
-            yield f"{of.output} by {of.design}", _charts(view, of, *found, z)
+            yield _charts(view, of, *found, z)
     for of in fitted_rows(view.tree):
         fitted = of.values("fitted")
         z = (fitted - of.values("measured")) / of.values("measured_std")
-        yield f"{of.output} by {of.design}", _charts(view, of, fitted, 0 * fitted, z)
+        yield _charts(view, of, fitted, 0 * fitted, z)
 
 
 def _charts(

@@ -50,8 +50,9 @@ from uqpen.surrogates.archived_surrogate import is_restorable
 
 def measurements(view: ArchiveView) -> Iterator[Block]:
     """What measurements say of the model, its charts and a row for each measured value."""
-    for title, charts in measurement_charts(view):
-        yield Heading(title)
+    for charts in measurement_charts(view):
+        first = charts.charts[0]
+        yield Heading(f"{output_heading(view, first.of)} by {first.source}")
         yield charts
     for table in (*validation_tables(view.tree), *calibration_tables(view.tree)):
         yield Table(table, is_folded=True)
