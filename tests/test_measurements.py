@@ -243,6 +243,7 @@ def test_shots_teach_one_combination_of_a_target_alone(rods):
     text = " ".join(summary_lines(rods)).replace("\N{NO-BREAK SPACE}", " ")
     assert "fits 12 measured values of shots" in text
     assert "nothing on plasticity_radius, crater_radius, target_density alone" in text
+    assert "The combination 0.85 plasticity_radius - 0.52 crater_radius, each in" in text
     assert not list(find_faults(rods))
 
 

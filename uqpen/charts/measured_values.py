@@ -31,6 +31,7 @@ def measurement_charts(view: ArchiveView) -> Iterator[Charts]:
     for of in fitted_rows(view.tree):
         fitted = of.values("fitted")
         z = (fitted - of.values("measured")) / of.values("measured_std")
+        z[of.statistics["bound_side"].values != 0] = np.nan  # no value was measured
         yield _charts(view, of, fitted, 0 * fitted, z)
 
 
@@ -47,10 +48,11 @@ def _charts(
 
 def _hovers(of: MeasuredRows, predicted: FloatArray) -> list[str]:
     unit = unit_suffix(of.unit)
-    measured = of.values("measured")
+    measured, sides = of.values("measured"), of.statistics["bound_side"].values
+    words = {1: "at least ", -1: "at most "}
     return [
-        f"{of.label(row)}: measured {number_text(float(measured[row]), 5)}{unit}, "
-        f"model {number_text(float(each), 5)}{unit}"
+        f"{of.label(row)}: measured {words.get(int(sides[row]), '')}"
+        f"{number_text(float(measured[row]), 5)}{unit}, model {number_text(float(each), 5)}{unit}"
         for row, each in enumerate(predicted)
     ]
 

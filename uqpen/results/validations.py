@@ -196,7 +196,17 @@ def _fit_sentences(found: Mapping[str, xr.DataArray], runs: xr.Dataset) -> Itera
     if taught:
         yield f"They give {', '.join(taught)}."
     if rest:
-        yield f"They say nothing on {', '.join(rest)} alone: see the combinations."
+        yield f"They say nothing on {', '.join(rest)} alone."
+        error = float(found["combination_error"][0])
+        if error < _HARDLY_LEARNT and len(names) > 1:
+            # Its module loads the search, which an archive without one does not need.
+            from uqpen.statistics.calibration import Combination
+
+            text = Combination(found["combination_weight"].values[0], error).text(names)
+            yield (
+                f"The combination {text}, each in standard deviations of its prior, is known to "
+                f"{number_text(error, 2)}."
+            )
     correlation = float(found["residual_correlation"])
     if abs(correlation) > 2 / math.sqrt(values):
         yield (
