@@ -118,7 +118,7 @@ def _calibrated(name: str, seed: int) -> Row:
     below = (draws < truth).mean(axis=0)
     places = {f"below_{place}": "" for place in range(4)}
     places |= {f"below_{place}": float(share) for place, share in enumerate(below)}
-    return {"likelihoods": len(sample.log_likelihood), "faulty": int(bool(sample.faults)), **places}
+    return {"likelihoods": len(sample.log_likelihood), "faulty": int(any(sample.faults)), **places}
 
 
 # Posteriors that are known.
@@ -204,7 +204,7 @@ def _known(name: str, replicates: int, seed: int) -> Row:
             f"off_{what}": float(np.mean(off / (1.0 if what == "evidence" else known.std))),
             f"off2_{what}": float(np.mean((off / (1 if what == "evidence" else known.std)) ** 2)),
         }
-    return row | {"faulty": int(bool(sample.faults))}
+    return row | {"faulty": int(any(sample.faults))}
 
 
 def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:

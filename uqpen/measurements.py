@@ -58,27 +58,35 @@ class MeasurementErrors:
         shared = self.shared_share is not None and bool(self.shared_share.any())
         return self.matrix is None and (shared or bool(self.share.any()))
 
-    def covariance(self, predicted: FloatArray, size: float, correlation: FloatArray) -> FloatArray:
-        """Return the covariance of the errors, shape (row, row).
+    def covariance(
+        self, predicted: FloatArray, size: FloatArray, correlation: FloatArray
+    ) -> FloatArray:
+        """Return the covariance of the errors, shape (..., row, row).
 
         Parameters
         ----------
-        predicted : ndarray, shape (row,)
+        predicted : ndarray, shape (..., row)
             Results of the model.
-        size : float
+        size : ndarray, shape (...)
             The unknown standard deviation, 0 where there is none.
         correlation : ndarray, shape (row, row)
             Correlation of the independent part.
         """
         if self.matrix is not None:
             return self.matrix
-        own = np.sqrt(self.std**2 + (self.share * predicted) ** 2 + size**2)
-        found: FloatArray = correlation * np.outer(own, own)
+        own = np.sqrt(self.std**2 + (self.share * predicted) ** 2 + size[..., np.newaxis] ** 2)
+        found: FloatArray = correlation * _outer(own)
         if self.group is not None and self.shared_std is not None:
             assert self.shared_share is not None
             shared = np.sqrt(self.shared_std**2 + (self.shared_share * predicted) ** 2)
-            found = found + np.outer(shared, shared) * np.equal.outer(self.group, self.group)
+            found = found + _outer(shared) * np.equal.outer(self.group, self.group)
         return found
+
+
+def _outer(values: FloatArray) -> FloatArray:
+    """Return the products of values with each other, over their last axis."""
+    products: FloatArray = values[..., :, np.newaxis] * values[..., np.newaxis, :]
+    return products
 
 
 # What was measured.
@@ -193,6 +201,9 @@ class ValidationSettings:
 
 
 # Measurements of one or several sections, one after the other.
+
+# Largest number of entries of covariances that are in memory at once.
+_MOST_ENTRIES = 2**22
 
 
 @dataclass(frozen=True, eq=False)
@@ -420,9 +431,9 @@ class Experiments:
 
         Parameters
         ----------
-        predicted : ndarray, shape (row,)
+        predicted : ndarray, shape (..., row)
             Results of the model.
-        sizes : ndarray, shape (size,)
+        sizes : ndarray, shape (..., size)
             Values of `sizes`.
         slopes : ndarray, shape (moved, row), optional
             Change of each result by one standard deviation of each of `moved`: these are
@@ -430,14 +441,15 @@ class Experiments:
 
         Returns
         -------
-        ndarray, shape (row, row)
+        ndarray, shape (..., row, row)
         """
         rows = len(self.values)
-        found = np.zeros((rows, rows))
-        left = list(sizes)
+        found = np.zeros((*predicted.shape[:-1], rows, rows))
+        left = list(np.moveaxis(np.asarray(sizes), -1, 0))
         for each, own in self.rows:
-            size = float(left.pop(0)) if each.errors.size is not None else 0.0
-            found[own, own] = each.errors.covariance(predicted[own], size, each.correlation)
+            size = left.pop(0) if each.errors.size is not None else np.array(0.0)
+            part = each.errors.covariance(predicted[..., own], size, each.correlation)
+            found[..., own, own] = part
         if slopes is not None and len(slopes):
             same = np.equal.outer(self.experiment, self.experiment)
             found += (slopes.T @ slopes) * same
@@ -471,6 +483,19 @@ class Experiments:
         if not depends and len(completed):
             covariance = self.covariance(predicted[completed[0]], (), slopes)
             found[completed] = self.likelihood(covariance).log_density(predicted[completed])
+            return found
+        if (self.censoring == EXACTLY).all():
+            at_once = max(1, _MOST_ENTRIES // len(self.values) ** 2)
+            for part in np.split(completed, range(at_once, len(completed), at_once)):
+                covariance = self.covariance(predicted[part], drawn[part], slopes)
+                # A share of a result that is 0 allows no other measured value.
+                known = (np.diagonal(covariance, axis1=-2, axis2=-1) > 0).all(axis=-1)
+                part, lower = part[known], np.linalg.cholesky(covariance[known])
+                off = (predicted[part] - self.values)[..., np.newaxis]
+                squares = (np.linalg.solve(lower, off) ** 2).sum(axis=(-2, -1))
+                logarithms = np.log(np.diagonal(lower, axis1=-2, axis2=-1)).sum(axis=-1)
+                found[part] = -0.5 * (squares + len(self.values) * math.log(2 * math.pi))
+                found[part] -= logarithms
             return found
         for draw in completed.tolist():
             covariance = self.covariance(predicted[draw], drawn[draw], slopes)

@@ -5,8 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from interrupted_study import check_interruptions_and_workers
 from scipy import stats
 
+import uqpen
+from tests.test_measurements import LINE, MODEL
+from uqpen.archive.structure import find_faults
+from uqpen.core.errors import StudyError
 from uqpen.core.streams import Stream
 from uqpen.designs.posterior import (
     UNRELATED_AT_LAST,
@@ -16,6 +21,8 @@ from uqpen.designs.posterior import (
     largest_correlation,
     sample_posterior,
 )
+from uqpen.results.json import archive_json
+from uqpen.results.output_tables import output_tables
 from uqpen.statistics.posterior import PosteriorSample, rank_normalised_rhat
 
 calibration = pytest.importorskip(
@@ -39,7 +46,7 @@ def test_known_posteriors_are_within_their_errors(name):
         error = (estimate.upper - estimate.lower) / 2 / stats.t.ppf(0.975, REPLICATES - 1)
         assert np.all(np.abs(estimate.value - exact) < 3 * error)
     assert found.std.value == pytest.approx(known.std, rel=0.05)
-    assert found.faults == []
+    assert not any(found.faults)
 
 
 def test_a_line_has_its_correlation_and_its_prediction():
@@ -146,9 +153,9 @@ def test_replicates_that_differ_are_named():
     values = found.values.copy()
     values[found.sampled.replicate == 2] += [0.1, 0.0]
     faults = replace(found, values=values).faults
-    assert faults[0].startswith("the replicates differ in a: R-hat is 1.")
-    assert faults[1].startswith("the mean of a is known to ")
-    assert len(faults) == 2
+    assert faults[0].startswith("the replicates differ: R-hat is 1.")
+    assert "; the mean is known to " in faults[0]
+    assert faults[1] == ""
 
 
 def test_a_last_level_that_was_cut_short_says_so():
@@ -182,9 +189,10 @@ def test_the_next_power_of_the_likelihood_leaves_half_of_the_particles_effective
 
 
 def test_numbers_for_unknown_errors_are_half_normal():
-    z = np.array([-30.0, -8.0, -1.0, 0.0, 1.0, 8.0, 30.0])
+    z = np.array([-20.0, -8.0, -1.0, 0.0, 1.0, 8.0, 30.0])
     found = half_normal(z, 2.0)
     assert np.all(np.diff(found) > 0)
+    assert half_normal(np.array([-1e3]), 1e-9)[0] ** 2 > 0
     exact = stats.halfnorm.ppf(stats.norm.cdf([-8.0, -1.0, 0.0, 1.0]), scale=2.0)
     assert found[1:5] == pytest.approx(exact, rel=1e-12)
     assert found[5] == pytest.approx(stats.halfnorm.isf(stats.norm.sf(8.0), scale=2.0), rel=1e-9)
@@ -217,3 +225,133 @@ def test_what_the_measurements_say_nothing_of_is_not_learnt():
     assert isinstance(found, PosteriorSample)
     assert found.learnt == pytest.approx([1 - 0.1 / math.sqrt(1 + 0.01 / 9) / 3, 0.0], abs=0.03)
     assert np.all(found.effective_draws <= 2000)
+
+
+# Studies with measurements.
+
+SAMPLED = """[designs.fit]
+kind = "posterior"
+measured = ["line"]
+particles = 200
+"""
+POSTERIOR = LINE.partition("[designs.fit]")[0] + SAMPLED
+
+
+def calibrated(folder, text, model=MODEL):
+    """Return the archive of a study."""
+    (folder / "line.py").write_text(model)
+    tree = uqpen.run(uqpen.parse_study(text, folder=folder))
+    assert list(find_faults(tree)) == []
+    return tree
+
+
+def test_a_study_keeps_the_posterior_of_a_line(tmp_path):
+    tree = calibrated(tmp_path, POSTERIOR)
+    kept = tree["calibrations/fit"]
+    mean, std = kept["posterior_mean"].values[:, 0], kept["posterior_std"].values[:, 0]
+    # Of 800 draws at least 400 are effective.
+    assert mean == pytest.approx([1.0899, 1.9400], abs=3 * 0.17 / math.sqrt(400))
+    assert std == pytest.approx([0.1673, 0.0894], rel=0.12)
+    assert kept["log_evidence"].values[0] == pytest.approx(-7.6099, abs=0.3)
+    assert kept["prior_std"].values == pytest.approx([10.0, 10.0], rel=0.05)
+    assert kept["posterior_mean"].attrs["interval_level"] == 0.95
+    names = [table.title for table in output_tables(tree)]
+    assert {"fit: posterior", "fit: fit"} <= {*names}
+    assert archive_json(tree)["designs"]["fit"]["calibrations"]["sampled_well"] in (0.0, 1.0)
+
+
+def test_groups_are_those_that_arviz_reads(tmp_path):
+    kept = calibrated(tmp_path, POSTERIOR)["calibrations/fit"]
+    groups = ["posterior", "posterior_predictive", "prior", "prior_predictive"]
+    assert [*kept.children] == [*groups, "observed_data", "sample_stats"]
+    assert kept["posterior/a"].dims == ("chain", "draw")
+    assert kept["posterior/a"].mean() == pytest.approx(kept["posterior_mean"].values[0, 0])
+    assert kept["observed_data/y"].values.tolist() == [1.1, 2.9, 5.2, 6.8]
+    drawn = kept["posterior_predictive/y"]
+    assert drawn.dims == ("chain", "draw", "y_row")
+    at_0 = drawn.values[..., 0]
+    assert at_0.std() == pytest.approx(math.hypot(0.1673, 0.2), rel=0.12)
+
+
+def test_an_input_that_varies_is_new_in_each_experiment(tmp_path):
+    text = POSTERIOR.replace("[0, 1, 2, 3, 5]", "[0]").replace("std = 0.2", "std = 0.1")
+    text = text.replace('unknown = ["a", "b"]', 'unknown = ["a"]\nvaries = ["b"]\nexperiment = "n"')
+    text = text.replace("x = [0, 1, 2, 3]", "n = [1, 2, 3, 4]\nx = [0, 0, 0, 0]")
+    text = text.replace(
+        "b = { normal = { mean = 0, std = 10 } }", "b = { normal = { mean = 0, std = 2 } }"
+    )
+    model = "def line(a, b):\n    return {'y': [a + b]}\n"
+    tree = calibrated(tmp_path, text, model)
+    kept = tree["calibrations/fit"]
+    # Each measurement has the variance 2² + 0.1² about a.
+    variance = 1 / (1 / 100 + 4 / 4.01)
+    mean = variance * np.sum([1.1, 2.9, 5.2, 6.8]) / 4.01
+    assert kept["posterior_mean"].values[0, 0] == pytest.approx(mean, abs=0.2)  # 4 of 1/sqrt(400)
+    assert kept["posterior_std"].values[0, 0] == pytest.approx(math.sqrt(variance), rel=0.15)
+    b = tree["runs/fit"]["b"].values.reshape(-1, 4)
+    assert np.unique(b[0]).size == 4
+
+
+def test_sizes_of_errors_are_drawn_beside_the_inputs(tmp_path):
+    text = POSTERIOR.replace("std = 0.2", "std = { half-normal = 0.5 }")
+    tree = calibrated(tmp_path, text)
+    kept = tree["calibrations/fit"]
+    assert kept["unknown_input"].values.tolist() == ["a", "b", "std of y"]
+    assert kept["prior_std"].values[2] == pytest.approx(0.5 * math.sqrt(1 - 2 / math.pi), rel=0.05)
+    assert kept["posterior/std of y"].min() > 0
+    assert "error_std_1" in tree["runs/fit"].coords
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        (
+            "particles = 100\nreplicates = 2",
+            "replicates: found 2; expected a whole number, at least 4",
+        ),
+        ("at_most = 1_000", "at_most: found 1_000; expected at least 1_600: 4 replicates of 200"),
+        ('measured = ["lime"]', 'measured: found "lime"; expected a [measured.<name>]'),
+    ],
+)
+def test_a_mistake_is_told_before_any_run(tmp_path, setting, message):
+    key = setting.partition(" =")[0]
+    kept = [each for each in SAMPLED.splitlines() if not each.startswith(key)]
+    text = "\n".join([POSTERIOR.removesuffix(SAMPLED), *kept, setting, ""])
+    (tmp_path / "line.py").write_text(MODEL)
+    with pytest.raises(StudyError) as caught:
+        uqpen.parse_study(text, folder=tmp_path)
+    assert any(message in str(each) for each in caught.value.problems)
+
+
+def test_too_few_particles_for_what_varies_are_refused(tmp_path):
+    text = POSTERIOR.replace(
+        'unknown = ["a", "b"]', 'unknown = ["a"]\nvaries = ["b"]\nexperiment = "n"'
+    )
+    text = text.replace("particles = 200", "particles = 100")
+    rows = [*range(6)]
+    text = text.replace("x = [0, 1, 2, 3]", f"n = {rows}\nx = {[0] * 6}")
+    text = text.replace("y = [1.1, 2.9, 5.2, 6.8]", f"y = {rows}")
+    (tmp_path / "line.py").write_text(MODEL)
+    with pytest.raises(StudyError, match="at least 140, 20 for each of 7 unknowns"):
+        uqpen.parse_study(text, folder=tmp_path)
+
+
+def test_why_there_is_no_posterior_stands_in_its_place(tmp_path):
+    tree = calibrated(tmp_path, POSTERIOR + "at_most = 3_000\n")
+    (table,) = [each for each in output_tables(tree) if each.title == "fit: posterior"]
+    assert "raise at_most" in "".join(table.notes)
+
+
+@pytest.mark.processor
+def test_neither_interruptions_nor_workers_change_a_byte(tmp_path):
+    design = """kind = "posterior"
+measured = ["depths"]
+particles = 100
+[measured.depths]
+unknown = ["a", "b"]
+[measured.depths.table]
+"depth [m]" = [0.5]
+[measured.depths.depth]
+std = "0.3 m"
+"""
+    check_interruptions_and_workers(tmp_path, design, [2, 4])

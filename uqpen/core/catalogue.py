@@ -959,6 +959,18 @@ _DESCRIBED_ROWS = [
         own=EntryDimension(MEASURED_CONDITION, "text"),
     ),
 ]
+# Statistics of a posterior.
+_OF_UNKNOWNS_POSTERIOR = {
+    "learnt": "part of its prior's standard deviation that an unknown has lost",
+    "rhat": "rank-normalised R-hat of the replicates",
+    "effective_draws": "number of independent draws whose mean would scatter as the replicates'",
+}
+_OF_POSTERIOR = {
+    "sampled_well": "1 where the replicates agree and the means are known well, else 0",
+    "prior_failed_share": "share of failed runs over the prior",
+    "posterior_failed_share": "share of failed runs around the posterior",
+    "start_correlation": "rank correlation of draws with where their last level began",
+}
 CALIBRATION_STATISTICS = _by_name(
     [
         *_DESCRIBED_ROWS,
@@ -1021,6 +1033,19 @@ CALIBRATION_STATISTICS = _by_name(
             own=EntryDimension(MINIMUM, "count"),
         ),
         Statistic("minimum_value", "unknown at a minimum", (MINIMUM, UNKNOWN), has_bounds=False),
+        Statistic(
+            "posterior_mean", "mean of an unknown's posterior", (UNKNOWN,), note_is_of_estimate=True
+        ),
+        Statistic("posterior_std", "standard deviation of an unknown's posterior", (UNKNOWN,)),
+        Statistic(
+            "posterior_quantile", "quantile of an unknown's posterior", (UNKNOWN, PROBABILITY)
+        ),
+        *(
+            Statistic(name, title, (UNKNOWN,), has_bounds=False)
+            for name, title in _OF_UNKNOWNS_POSTERIOR.items()
+        ),
+        Statistic("log_evidence", "logarithm of the evidence"),
+        *(Statistic(name, title, has_bounds=False) for name, title in _OF_POSTERIOR.items()),
     ]
 )
 

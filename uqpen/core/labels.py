@@ -80,6 +80,13 @@ MEASURED = "measured"
 # the residuals are weighted (-1 for the measured values). The start of a run may also be the end of
 # a profile, behind the starts.
 SEARCH_STARTS = "search_starts"
+# Of a posterior: the power of the likelihood in the distribution in which a draw moves (0 for one
+# of the prior), the draw that it was moved from (-1 for none), the logarithm of the likelihood that
+# it had to reach; and a standard deviation of measurements that is not known, by its number.
+LIKELIHOOD_EXPONENT = "likelihood_exponent"
+PARENT_DRAW = "parent_draw"
+LEAST_LOG_LIKELIHOOD = "least_log_likelihood"
+ERROR_STD = "error_std_{number}"
 WEIGHTED_AT = "weighted_at"
 # Distance of a run from the median of all inputs, in standard normal space.
 NORMAL_DISTANCE = "normal_distance"

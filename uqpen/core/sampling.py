@@ -32,6 +32,8 @@ class Sampling(StrEnum):
     """Each draw with the conditions of every measured experiment; no sample of the inputs."""
     TOWARDS_MEASUREMENTS = "towards measurements"
     """Points that move towards the values with which a model fits measurements; no sample."""
+    POSTERIOR = "towards a posterior"
+    """Draws of the prior, and particles that move from there to the posterior; no sample."""
     SEARCH_CURVES = "search curves"
     """Curves through the inputs' space, along which each input has a frequency; no sample."""
     FINITE_DIFFERENCES = "finite differences"

@@ -18,6 +18,7 @@ DESIGNS = {
     "one-at-a-time": "uqpen.designs.one_at_a_time:OneAtATime",
     "multifidelity": "uqpen.designs.multifidelity:Multifidelity",
     "least-squares": "uqpen.designs.least_squares:LeastSquares",
+    "posterior": "uqpen.designs.posterior:Posterior",
     "interval-bounds": "uqpen.surrogates.interval_bounds:IntervalBounds",
     **{name: method.design for name, method in RARE_EVENT_METHODS.items()},
     "salib:fast_sampler": "uqpen.designs.salib_designs:FastSampler",

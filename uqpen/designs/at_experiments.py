@@ -11,7 +11,7 @@ from uqpen.core.errors import Problem
 from uqpen.core.files import FileSnapshot
 from uqpen.core.labels import DRAW, EXPERIMENT, MEASURED
 from uqpen.core.sampling import Sampling
-from uqpen.core.settings import name, names
+from uqpen.core.settings import count, name, names
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design, Rounds
 from uqpen.designs.drawn_points import points_in_memory, points_of
@@ -32,10 +32,28 @@ class MeasuredDesign(Design):
         Names of the measurements that the outputs are compared with.
     experiments : Experiments, optional
         The measurements; a study gives them.
+    at_most : int
+        Largest number of runs; each point has one in every experiment.
     """
 
     measured: tuple[str, ...] = names()
     experiments: Experiments = field(default=Experiments(()), compare=False, repr=False)
+    at_most: int = count(minimum=20, default=10_000)
+
+    def check_models(
+        self, models: Collection[str], costs: Mapping[str, float]
+    ) -> Iterator[Problem]:
+        if len(models) > 1:
+            found = f"a study of {len(models)} models"
+            expected = "a study of one model: its results decide where the next runs are"
+            yield Problem(("kind",), found, expected)
+
+    @property
+    def ends_early(self) -> bool:
+        return True
+
+    def run_count(self, joint: JointDistribution) -> int:
+        return self.at_most
 
     def files(self) -> tuple[FileSnapshot, ...]:
         return self.experiments.files

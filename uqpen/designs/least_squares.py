@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -931,8 +931,6 @@ class LeastSquares(MeasuredDesign):
     starts : int
         Number of starts: the medians of the priors, and Sobol' points between their 1 % and 99 %
         quantiles.
-    at_most : int
-        Largest number of runs; each point has one in every experiment.
     profile : bool
         Whether to look for the ends of profile-likelihood intervals, too.
 
@@ -949,7 +947,6 @@ class LeastSquares(MeasuredDesign):
     needs_numbers = True
 
     starts: int = count(default=1, maximum=1000)
-    at_most: int = count(minimum=20, default=10_000)
     profile: bool = flag(default=True)
 
     def check_inputs(self, joint: JointDistribution) -> Iterator[Problem]:
@@ -959,18 +956,6 @@ class LeastSquares(MeasuredDesign):
                 found = f"steps of {name}, which has single values"
                 yield Problem((), found, "unknowns with a continuous distribution")
 
-    def check_models(
-        self, models: Collection[str], costs: Mapping[str, float]
-    ) -> Iterator[Problem]:
-        if len(models) > 1:
-            found = f"a study of {len(models)} models"
-            expected = "a study of one model: its results decide where the next runs are"
-            yield Problem(("kind",), found, expected)
-
-    @property
-    def ends_early(self) -> bool:
-        return True
-
     @property
     def settings(self) -> SearchSettings:
         """Settings of its search, in points with a run of each experiment."""
@@ -978,9 +963,6 @@ class LeastSquares(MeasuredDesign):
         errors_are_known = not self.experiments.has_one_unknown_size
         at_most = self.at_most // self.experiments.count
         return SearchSettings(errors_are_known, at_most, level, self.experiments.freedom)
-
-    def run_count(self, joint: JointDistribution) -> int:
-        return self.at_most
 
     def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
         measured = self.experiments

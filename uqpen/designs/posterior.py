@@ -3,17 +3,40 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from scipy.special import erfcinv, erfinv, ndtr, ndtri
 
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray, rows_by_weight
+from uqpen.core.errors import Problem
+from uqpen.core.labels import (
+    DRAW,
+    ERROR_STD,
+    EXPERIMENT,
+    LEAST_LOG_LIKELIHOOD,
+    LIKELIHOOD_EXPONENT,
+    MEASURED,
+    PARENT_DRAW,
+    REPLICATE,
+    RUN,
+)
+from uqpen.core.limits import MOST_REPLICATES
+from uqpen.core.processors import one_blas_thread
+from uqpen.core.sampling import Sampling
+from uqpen.core.settings import count
 from uqpen.core.streams import Stream
+from uqpen.designs.at_experiments import MeasuredDesign
+from uqpen.designs.design import NO_STEP_BETWEEN_LABELS, Rounds
 from uqpen.designs.quasi_monte_carlo import sobol_points
+from uqpen.distributions.joint_distribution import JointDistribution, points_dataset
+from uqpen.measurements import Experiments
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 # Particles of a level: a sample of the prior, weighted by a power of the likelihood.
 
@@ -157,10 +180,15 @@ def largest_correlation(start: FloatArray, now: FloatArray) -> float:
     return float((products / scale).max())
 
 
+_SMALLEST = -20.0
+
+
 def half_normal(points: FloatArray, scale: float) -> FloatArray:
     """Return half-normal numbers that stand at the same probabilities as standard normal ones."""
     upper = erfcinv(ndtr(-np.maximum(points, 0.0)))
-    number: FloatArray = np.where(points > 0, upper, erfinv(ndtr(points)))
+    # None is so small that its square is 0.
+    lower = erfinv(ndtr(np.maximum(points, _SMALLEST)))
+    number: FloatArray = np.where(points > 0, upper, lower)
     return math.sqrt(2) * scale * number
 
 
@@ -280,3 +308,166 @@ def _replicate(dimension: int, size: int, stream: Stream) -> Generator[_Wanted, 
 def has_enough(completed: int, dimension: int) -> bool:
     """Return whether the completed runs of the prior suffice for a cloud with all directions."""
     return completed >= 4 * (dimension + 1)
+
+
+# The design: the unknowns of a study, and the particles of its sampler.
+
+# So few particles of each coordinate have a covariance that is worth to follow.
+_PARTICLES_OF_EACH = 20
+
+
+@dataclass(frozen=True, eq=False)
+class PriorCoordinates:
+    """Standard normal coordinates of what a sampler draws.
+
+    First are the unknown inputs, then the standard deviations of measurements that are not known.
+    Behind them, each experiment has its own for each input that varies and for each condition with
+    an error, so that no formula is needed for what these add.
+    """
+
+    joint: JointDistribution
+    measured: Experiments
+
+    @property
+    def unknowns(self) -> tuple[str, ...]:
+        """Names of the unknown inputs and standard deviations, which have the first coordinates."""
+        return (*self.measured.unknown, *(each.name for each in self.measured.sizes))
+
+    @property
+    def dimension(self) -> int:
+        """Number of coordinates."""
+        of_each = (
+            section.experiments * (len(section.varies) + len(section.condition_std))
+            for section in self.measured.sections
+        )
+        return len(self.unknowns) + sum(of_each)
+
+    def error_stds(self, points: FloatArray) -> FloatArray:
+        """Return the standard deviations of measurements that are not known, shape (draw, size)."""
+        first = len(self.measured.unknown)
+        found = [
+            half_normal(points[:, first + number], size.scale)
+            for number, size in enumerate(self.measured.sizes)
+        ]
+        return np.stack(found, axis=1) if found else np.empty((len(points), 0))
+
+    def inputs(self, points: FloatArray) -> dict[str, FloatArray]:
+        """Return the random inputs and conditions of all runs, shape (draw * experiment,)."""
+        size, measured = len(points), self.measured
+        names = [entry.variable.name for entry in self.joint.random]
+        # What is neither unknown nor varies is at its median.
+        standard = np.zeros((size, measured.count, len(names)))
+        for place, name in enumerate(measured.unknown):
+            standard[..., names.index(name)] = points[:, place, np.newaxis]
+        offsets: dict[str, FloatArray] = {}
+        at, first = len(self.unknowns), 0
+        for section in measured.sections:
+            own = slice(first, first + section.experiments)
+            first = own.stop
+            for name in (*section.varies, *section.condition_std):
+                column = points[:, at : at + section.experiments]
+                at += section.experiments
+                if name in section.varies:
+                    standard[:, own, names.index(name)] = column
+                else:
+                    offset = offsets.setdefault(name, np.zeros((size, measured.count)))
+                    offset[:, own] = section.condition_std[name] * column
+        unit = ndtr(standard.reshape(-1, len(names)))
+        values = self.joint.ppf(self.joint.conditional_probabilities(unit, {}))
+        nominal = self.joint.nominal()
+        others = {name: nominal[name] for name in names}
+        drawn = {name: values[name].reshape(size, -1) for name in names}
+        draws = {name: drawn[name][:, 0] for name in measured.unknown}
+        draws |= {name: drawn[name] for each in measured.sections for name in each.varies}
+        for name, offset in offsets.items():
+            middle, _ = measured.moved_inputs(name, others, 0.0)
+            draws[name] = middle + offset
+        return measured.inputs(draws, others)
+
+
+@dataclass(frozen=True)
+class Posterior(MeasuredDesign):
+    """Posterior of the unknown inputs, by independent replicates of sequential Monte Carlo.
+
+    Parameters
+    ----------
+    particles : int
+        Number of draws that each replicate moves from the prior to the posterior.
+    replicates : int
+        Number of independent replicates. Their scatter gives all errors.
+    """
+
+    sampling = Sampling.POSTERIOR
+
+    unordered_reason = NO_STEP_BETWEEN_LABELS
+
+    needs_numbers = True
+
+    particles: int = count(minimum=100, maximum=1_000_000, default=500)
+    replicates: int = count(minimum=4, maximum=MOST_REPLICATES, default=4)
+    at_most: int = count(minimum=20, default=200_000)
+
+    def check_inputs(self, joint: JointDistribution) -> Iterator[Problem]:
+        if not self.experiments.count:
+            return  # the mistake of its measurements is noted
+        dimension = PriorCoordinates(joint, self.experiments).dimension
+        if self.particles < (least := _PARTICLES_OF_EACH * dimension):
+            expected = f"at least {least}, {_PARTICLES_OF_EACH} for each of {dimension} unknowns: "
+            expected += "inputs, sizes of errors, and each value of what varies"
+            yield Problem(("particles",), str(self.particles), expected)
+        least = 2 * self.particles * self.replicates * self.experiments.count
+        if self.at_most < least:
+            expected = f"at least {least:_}: {self.replicates} replicates of {self.particles} "
+            expected += f"particles, each at {self.experiments.count} experiments, and one move"
+            yield Problem(("at_most",), f"{self.at_most:_}", expected)
+
+    @property
+    def replicate_count(self) -> int:
+        return self.replicates
+
+    def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
+        measured, prior = self.experiments, PriorCoordinates(joint, self.experiments)
+        at_most = self.at_most // measured.count
+        sampler = sample_posterior(
+            prior.dimension, self.particles, self.replicates, at_most, stream
+        )
+        asked, made = next(sampler), 0
+        while True:
+            size = len(asked.points)
+            stds = prior.error_stds(asked.points)
+            of_draws = {
+                DRAW: np.arange(made, made + size),
+                REPLICATE: asked.replicate,
+                LIKELIHOOD_EXPONENT: asked.exponent,
+                PARENT_DRAW: asked.parent,
+                LEAST_LOG_LIKELIHOOD: asked.least,
+                **{ERROR_STD.format(number=k + 1): each for k, each in enumerate(stds.T)},
+            }
+            coordinates = {
+                **{name: np.repeat(column, measured.count) for name, column in of_draws.items()},
+                EXPERIMENT: np.tile(np.arange(measured.count), size),
+            }
+            made += size
+            points = points_dataset(
+                joint, prior.inputs(asked.points), coordinates, runs=size * measured.count
+            )
+            feedback = yield points.assign_attrs({MEASURED: measured.name})
+            (runs,) = feedback.runs.values()
+            with one_blas_thread():
+                try:
+                    asked = sampler.send(log_likelihoods(measured, runs))
+                except StopIteration:
+                    return
+
+
+def log_likelihoods(measured: Experiments, runs: xr.Dataset) -> FloatArray:
+    """Return the logarithm of the likelihood of each draw; NaN where a run failed."""
+    return measured.log_likelihood(measured.predicted(runs), error_stds(measured, runs))
+
+
+def error_stds(measured: Experiments, runs: xr.Dataset) -> FloatArray:
+    """Return the standard deviations of measurements of each draw, shape (draw, size)."""
+    names = [ERROR_STD.format(number=number + 1) for number in range(len(measured.sizes))]
+    columns = [runs[name].values[:: measured.count] for name in names]
+    none = np.empty((runs.sizes[RUN] // measured.count, 0))
+    return np.stack(columns, axis=1) if columns else none

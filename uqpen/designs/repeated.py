@@ -163,7 +163,11 @@ def repeat_problem(design: Design) -> tuple[str, str] | None:
     if design.sampling is Sampling.TOWARDS_BOUNDS:
         expected = "no repeats: runs at the bounds draw inputs and noise together, each once"
         return "repeats in a search for bounds", expected
-    if design.sampling in (Sampling.AT_EXPERIMENTS, Sampling.TOWARDS_MEASUREMENTS):
+    if design.sampling in (
+        Sampling.AT_EXPERIMENTS,
+        Sampling.TOWARDS_MEASUREMENTS,
+        Sampling.POSTERIOR,
+    ):
         expected = "no repeats: each experiment has one run of each draw"
         return "repeats of runs at experiments", expected
     if design.ends_early:

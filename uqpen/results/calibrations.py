@@ -2,29 +2,128 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 import xarray as xr
 
 from uqpen.archive.groups import group_names, read_group
-from uqpen.core.labels import CALIBRATIONS, COMBINATION, RUNS, UNKNOWN
+from uqpen.core.arrays import FloatArray
+from uqpen.core.labels import (
+    BOUND,
+    CALIBRATIONS,
+    COMBINATION,
+    MEASURED,
+    PROBABILITY,
+    RUNS,
+    UNKNOWN,
+)
 from uqpen.core.units import scale
-from uqpen.results.digits import number_text
+from uqpen.results.digits import estimate_text, number_text
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.table import NOTHING, OutputTable, label_with_unit, shown_unit
+from uqpen.results.texts import capitalized, unit_suffix
 
 
 def calibration_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
-    """Yield the tables of each search for least squares of a model."""
+    """Yield the tables of each search for least squares and each posterior of a model."""
     statistics = SourceStatistics(tree)
     for design in group_names(tree, CALIBRATIONS):
         found = statistics.of_runs(CALIBRATIONS, design)
+        runs = read_group(tree, RUNS, design)
+        if "posterior_mean" in found:
+            yield _posterior_table(design, found, runs)
         if "unknown_value" in found:
-            runs = read_group(tree, RUNS, design)
             yield _unknowns_table(design, found, runs)
             yield _combinations_table(design, found)
-            yield _fit_table(design, found)
+        yield _fit_table(design, found)
+
+
+def posterior_statements(tree: xr.DataTree) -> Iterator[tuple[str, str]]:
+    """Yield what each posterior says, below a head of a few words."""
+    statistics = SourceStatistics(tree)
+    for design in group_names(tree, CALIBRATIONS):
+        found = statistics.of_runs(CALIBRATIONS, design)
+        if "posterior_mean" in found:
+            runs = read_group(tree, RUNS, design)
+            yield design, " ".join(_posterior_sentences(found, runs))
+
+
+# A share of failed runs around the posterior that a reader has to know of.
+_MANY_FAILED = 0.05
+# An unknown that has lost less of its prior's standard deviation is not taught.
+_HARDLY_LEARNT = 0.05
+
+
+def _posterior_sentences(found: Mapping[str, xr.DataArray], runs: xr.Dataset) -> Iterator[str]:
+    mean = found["posterior_mean"]
+    if "posterior_std" not in found:
+        yield f"{capitalized(str(mean['note'].values[0]))}."
+        return
+    if (failed := float(found["posterior_failed_share"])) > _MANY_FAILED:
+        yield f"{failed:.0%} of the runs around the posterior failed, and are left out of it."
+    taught, rest = [], []
+    for place, name in enumerate(mean[UNKNOWN].values.tolist()):
+        if found["learnt"].values[place] < _HARDLY_LEARNT:
+            rest.append(name)
+            continue
+        unit, convert = _unit_of(name, runs)
+        at = {UNKNOWN: place}
+        ends = [
+            float(found["posterior_quantile"][at].sel({PROBABILITY: each}).values[0])
+            for each in _QUANTILES.values()
+        ]
+        texts = [float(convert(np.array(each))) for each in (mean.values[place, 0], *ends)]
+        taught.append(f"{name} = {estimate_text(*texts)}{unit_suffix(unit)}")
+    if taught:
+        yield f"The measurements of {runs.attrs[MEASURED]} leave {', '.join(taught)} (95 %)."
+    if rest:
+        yield f"They say nothing on {', '.join(rest)}."
+    if found["sampled_well"] == 1:
+        yield "The posterior is sampled well."
+    else:
+        notes = zip(mean[UNKNOWN].values.tolist(), mean["note"].values.tolist(), strict=True)
+        faults = "; ".join(f"{name}: {note}" for name, note in notes if note)
+        yield f"The posterior is not sampled well: {faults}."
+
+
+def _unit_of(name: str, runs: xr.Dataset) -> tuple[str, Callable[[FloatArray], FloatArray]]:
+    """Return the unit in which an unknown is shown, and its conversion from SI."""
+    if name in runs:
+        unit = shown_unit(runs[name].attrs)
+        return unit, scale(unit).from_si
+    # The standard deviation of an error has the unit of its output.
+    unit = shown_unit(runs[name.removeprefix("std of ")].attrs)
+    return unit, scale(unit).difference_from_si
+
+
+def _posterior_table(
+    design: str, found: Mapping[str, xr.DataArray], runs: xr.Dataset
+) -> OutputTable:
+    columns = ["mean", "sd", *_QUANTILES, "prior sd", "learnt", "R-hat", "effective draws"]
+    table = OutputTable(f"{design}: posterior", columns)
+    names = found["posterior_mean"][UNKNOWN].values.tolist()
+    for place, name in enumerate(names):
+        at = {UNKNOWN: place}
+        unit, convert = _unit_of(name, runs)
+        shown = scale(unit)
+        cells = [table.cell(found["posterior_mean"][at], convert)]
+        if "posterior_std" in found:
+            cells.append(table.cell(found["posterior_std"][at], shown.difference_from_si))
+            for probability in _QUANTILES.values():
+                quantile = found["posterior_quantile"][at].sel({PROBABILITY: probability})
+                cells.append(table.cell(quantile, convert))
+            prior = shown.difference_from_si(found["prior_std"].values[place])
+            cells += [number_text(float(prior)), f"{max(float(found['learnt'][at]), 0.0):.1%}"]
+            cells += [number_text(float(found[key][at])) for key in ("rhat", "effective_draws")]
+        else:
+            cells += [NOTHING] * (len(columns) - 1)
+        table.rows.append((label_with_unit(name, unit), cells))
+    return table
+
+
+# Ends of the middle 95 % of a posterior, by their titles.
+_QUANTILES = {"2.5 %": 0.025, "97.5 %": 0.975}
 
 
 def _unknowns_table(
@@ -68,8 +167,10 @@ def _combinations_table(design: str, found: Mapping[str, xr.DataArray]) -> Outpu
 def _fit_table(design: str, found: Mapping[str, xr.DataArray]) -> OutputTable:
     table = OutputTable(f"{design}: fit", ["value"])
     for name, array in found.items():
+        title = str(array.attrs.get("long_name", name))
         if not array.dims:
-            title = str(array.attrs.get("long_name", name))
             value = float(array)
             table.rows.append((title, [number_text(value) if np.isfinite(value) else NOTHING]))
+        elif array.dims == (BOUND,):
+            table.rows.append((title, [table.cell(array)]))
     return table

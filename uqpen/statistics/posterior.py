@@ -3,16 +3,36 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import scipy
 import scipy.stats
+import xarray as xr
 
 from uqpen.core.arrays import FloatArray, IntArray
-from uqpen.designs.posterior import Particles, PosteriorPoints, largest_correlation
+from uqpen.core.catalogue import CALIBRATION_STATISTICS
+from uqpen.core.labels import (
+    LEAST_LOG_LIKELIHOOD,
+    LIKELIHOOD_EXPONENT,
+    PARENT_DRAW,
+    PROBABILITY,
+    REPLICATE,
+    UNKNOWN,
+)
+from uqpen.core.streams import Stream
+from uqpen.core.units import DIMENSIONLESS
+from uqpen.designs.posterior import (
+    Particles,
+    PosteriorPoints,
+    error_stds,
+    largest_correlation,
+    log_likelihoods,
+)
+from uqpen.measurements import Experiments
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import LEVEL, Estimate
 from uqpen.statistics.intervals import student_interval
@@ -111,7 +131,8 @@ class PosteriorSample:
         return self.values[self.runs]
 
     @property
-    def _prior_std(self) -> FloatArray:
+    def prior_std(self) -> FloatArray:
+        """Standard deviations of the unknowns over the draws of the prior."""
         spread: FloatArray = self.values[self.sampled.exponent == 0].std(axis=0, ddof=1)
         return spread
 
@@ -159,7 +180,7 @@ class PosteriorSample:
     @property
     def learnt(self) -> FloatArray:
         """Part of its prior's standard deviation that each unknown has lost."""
-        return 1 - self._pooled.std(axis=0, ddof=1) / self._prior_std
+        return 1 - self._pooled.std(axis=0, ddof=1) / self.prior_std
 
     @property
     def related(self) -> float:
@@ -182,16 +203,17 @@ class PosteriorSample:
 
     @property
     def faults(self) -> list[str]:
-        """Reasons why the posterior is not sampled well, in words; none if it is."""
+        """Reasons why each unknown is not sampled well, in words; empty where it is."""
         found = []
         part = self.standard_error / self._pooled.std(axis=0, ddof=1)
-        for name, rhat, error in zip(self.names, self.rhat.tolist(), part.tolist(), strict=True):
-            if rhat >= _LARGEST_RHAT:
-                found.append(texts.REPLICATES_DIFFER.format(name=name, rhat=rhat))
-            if error >= _LARGEST_ERROR:
-                found.append(texts.FEW_EFFECTIVE_DRAWS.format(name=name, error=error))
-        if (related := self.related) > _RELATED:
-            found.append(texts.ENDED_TOO_EARLY.format(related=related))
+        related = self.related
+        for rhat, error in zip(self.rhat.tolist(), part.tolist(), strict=True):
+            reasons = (
+                texts.REPLICATES_DIFFER.format(rhat=rhat) if rhat >= _LARGEST_RHAT else "",
+                texts.FEW_EFFECTIVE_DRAWS.format(error=error) if error >= _LARGEST_ERROR else "",
+                texts.ENDED_TOO_EARLY.format(related=related) if related > _RELATED else "",
+            )
+            found.append("; ".join(filter(None, reasons)))
         return found
 
     @property
@@ -237,3 +259,135 @@ def rank_normalised_rhat(draws: FloatArray) -> float:
         with np.errstate(invalid="ignore", divide="ignore"):
             found.append(np.sqrt((between + within * (half - 1) / half) / within))
     return float(np.max(found))
+
+
+# The statistics of an archive, and the groups that other programs read.
+
+_PROBABILITIES = (0.025, 0.05, 0.25, 0.5, 0.75, 0.95, 0.975)
+
+
+def posterior_sample(
+    measured: Experiments, runs: xr.Dataset, level: float
+) -> PosteriorSample | str:
+    """Return the posterior in the runs of a design, or the reason why it has none."""
+    names = (*measured.unknown, *(each.name for each in measured.sizes))
+    inputs = [measured.drawn(runs, name) for name in measured.unknown]
+    values = np.column_stack([*inputs, error_stds(measured, runs)])
+    columns = (REPLICATE, LIKELIHOOD_EXPONENT, PARENT_DRAW, LEAST_LOG_LIKELIHOOD)
+    coordinates = (runs[name].values[:: measured.count] for name in columns)
+    sampled = PosteriorPoints(values, *coordinates)
+    found = log_likelihoods(measured, runs)
+    return PosteriorSample.of(names, values, sampled, found, level)
+
+
+def posterior_statistics(
+    measured: Experiments, runs: xr.Dataset, level: float
+) -> Iterator[tuple[str, xr.DataArray]]:
+    """Yield what the runs of a posterior say, by the names of the catalogue."""
+    sample = posterior_sample(measured, runs, level)
+    names = [*measured.unknown, *(each.name for each in measured.sizes)]
+    along = {UNKNOWN: names}
+    described: dict[str, Any] = {
+        "units": DIMENSIONLESS,
+        "long_name": "unknowns, each in its SI unit",
+        "level": level,
+    }
+    if isinstance(sample, str):
+        nothing = Estimate.without_bounds(np.full(len(names), np.nan), sample)
+        yield "posterior_mean", nothing.to_array(UNKNOWN, coordinates=along, **described)
+        return
+    notes = np.array(sample.faults, dtype=object)
+    mean = replace(sample.mean, note=notes).with_note(sample.failure_note)
+    quantiles = Estimate.stacked(map(sample.quantile, _PROBABILITIES))
+    both = along | {PROBABILITY: np.array(_PROBABILITIES)}
+    yield "posterior_mean", mean.to_array(UNKNOWN, coordinates=along, **described)
+    yield "posterior_std", sample.std.to_array(UNKNOWN, coordinates=along, **described)
+    yield (
+        "posterior_quantile",
+        quantiles.to_array(UNKNOWN, PROBABILITY, coordinates=both, **described),
+    )
+    for name, numbers in (
+        ("prior_std", sample.prior_std),
+        ("learnt", sample.learnt),
+        ("rhat", sample.rhat),
+        ("effective_draws", sample.effective_draws),
+    ):
+        yield name, xr.DataArray(numbers, along, (UNKNOWN,))
+    described["long_name"] = CALIBRATION_STATISTICS["log_evidence"].title
+    yield "log_evidence", sample.log_evidence.to_array(**described)
+    for name, value in (
+        ("sampled_well", float(not any(sample.faults))),
+        ("prior_failed_share", sample.failed_share(prior=True)),
+        ("posterior_failed_share", sample.failed_share(prior=False)),
+        ("start_correlation", sample.related),
+    ):
+        title = CALIBRATION_STATISTICS[name].title
+        yield name, xr.DataArray(value, attrs={"units": DIMENSIONLESS, "long_name": title})
+
+
+def arviz_groups(
+    measured: Experiments, runs: xr.Dataset, stream: Stream
+) -> Iterator[tuple[str, xr.Dataset]]:
+    """Yield groups of a posterior by the names and dimensions of ArviZ, in SI units.
+
+    Parameters
+    ----------
+    measured : Experiments
+    runs : Dataset
+        Runs of a design for its posterior.
+    stream : Stream
+        Source of the errors that predictions have.
+    """
+    sample = posterior_sample(measured, runs, LEVEL)
+    if isinstance(sample, str):
+        return
+    prior = np.flatnonzero(sample.sampled.exponent == 0).reshape(len(sample.runs), -1)
+    units = [str(runs[name].attrs["units"]) for name in measured.unknown]
+    units += [each.output.unit for _, each in measured.outputs if each.errors.size is not None]
+    predicted, stds = measured.predicted(runs), error_stds(measured, runs)
+    for group, numbers in (("posterior", sample.runs), ("prior", prior)):
+        columns = np.moveaxis(sample.values[numbers], -1, 0)
+        described = zip(sample.names, columns, units, strict=True)
+        yield (
+            group,
+            xr.Dataset(
+                {name: (_CHAINS, each, {"units": unit}) for name, each, unit in described},
+                _along_chains(numbers.shape),
+            ),
+        )
+        rng = stream.generator(group)
+        drawn = predicted[numbers]
+        for at, number in np.ndenumerate(numbers):
+            normal = rng.standard_normal(drawn.shape[-1])
+            if np.isfinite(predicted[number]).all():
+                covariance = measured.covariance(predicted[number], stds[number])
+                drawn[at] += np.linalg.cholesky(covariance) @ normal
+        yield f"{group}_predictive", _rows_dataset(measured, drawn, _CHAINS)
+    yield "observed_data", _rows_dataset(measured, measured.values, ())
+    statistics = {"lp": sample.log_likelihood, "draw_number": np.arange(len(sample.values))}
+    yield (
+        "sample_stats",
+        xr.Dataset(
+            {name: (_CHAINS, each[sample.runs]) for name, each in statistics.items()},
+            _along_chains(sample.runs.shape),
+        ),
+    )
+
+
+_CHAINS = ("chain", "draw")
+
+
+def _along_chains(shape: tuple[int, ...]) -> dict[str, IntArray]:
+    """Return the numbers of chains and of draws."""
+    return {name: np.arange(size) for name, size in zip(_CHAINS, shape, strict=False)}
+
+
+def _rows_dataset(measured: Experiments, values: FloatArray, dims: tuple[str, ...]) -> xr.Dataset:
+    """Return values at the rows of the measurements, by their outputs."""
+    found: dict[str, Any] = {}
+    for number, (each, rows) in enumerate(measured.rows):
+        name = each.output.name
+        name = f"{name}_{number + 1}" if name in found else name
+        own = (*dims, f"{name}_row")
+        found[name] = (own, values[..., rows], {"units": each.output.unit})
+    return xr.Dataset(found, _along_chains(values.shape) if dims else {})

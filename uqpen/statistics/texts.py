@@ -492,10 +492,8 @@ UNFINISHED_POSTERIOR = (
     "raise at_most"
 )
 FAILED_AT_POSTERIOR = "{share:.0%} of the runs around the posterior failed, and are left out of it"
-REPLICATES_DIFFER = "the replicates differ in {name}: R-hat is {rhat:.3f}, not below 1.01"
-FEW_EFFECTIVE_DRAWS = (
-    "the mean of {name} is known to {error:.0%} of its standard deviation, not to 5 %"
-)
+REPLICATES_DIFFER = "the replicates differ: R-hat is {rhat:.3f}, not below 1.01"
+FEW_EFFECTIVE_DRAWS = "the mean is known to {error:.0%} of the standard deviation, not to 5 %"
 ENDED_TOO_EARLY = (
     "the last level ended at at_most: draws correlate by {related:.2f} with where it began"
 )

@@ -42,6 +42,7 @@ _POINTS = {
     Sampling.OVER_BOX: "points of a mixture over intervals of parameters",
     Sampling.TOWARDS_EVENT: "points that move towards a rare event",
     Sampling.TOWARDS_BOUNDS: "points at bounds over intervals",
+    Sampling.POSTERIOR: "draws that move towards a posterior",
     Sampling.TOWARDS_MEASUREMENTS: "points that move towards measurements",
     Sampling.AT_EXPERIMENTS: "points at the conditions of experiments",
 }

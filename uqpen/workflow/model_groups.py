@@ -13,6 +13,7 @@ from uqpen.archive.groups import DESIGN_GROUPS
 from uqpen.core.errors import TrajectoryError
 from uqpen.core.labels import (
     AXIS_SCALE,
+    CALIBRATIONS,
     CAVEAT,
     CITED,
     COST_SPENT,
@@ -36,7 +37,7 @@ from uqpen.core.lookup import resolve
 from uqpen.core.processors import one_blas_thread
 from uqpen.core.sampling import Sampling
 from uqpen.core.streams import Stream
-from uqpen.designs.at_experiments import DesignAtExperiments
+from uqpen.designs.at_experiments import DesignAtExperiments, MeasuredDesign
 from uqpen.designs.design import RUNS as KEPT_RUNS
 from uqpen.designs.repeated import RepeatedDesign
 from uqpen.execution import Progress
@@ -206,6 +207,13 @@ def _design_groups(
     for name, group in DESIGN_GROUPS.items():
         if statistics := resolve(group.writer)(study, runs):
             yield f"/{name}/{design}", pack(statistics)
+    if runs.attrs[SAMPLING] == Sampling.POSTERIOR and (made := _measured_design(study, runs)):
+        from uqpen.statistics.posterior import arviz_groups
+
+        stream = Stream(study.seed, CALIBRATIONS, design)
+        with one_blas_thread():
+            for name, of_draws in arviz_groups(made.experiments, runs, stream):
+                yield f"/{CALIBRATIONS}/{design}/{name}", of_draws
 
 
 def failure_statistics(study: ValidatedStudy, runs: xr.Dataset) -> OutputStatistics:
@@ -251,16 +259,27 @@ def bound_statistics(study: ValidatedStudy, runs: xr.Dataset) -> OutputStatistic
 
 
 def calibration_statistics(study: ValidatedStudy, runs: xr.Dataset) -> OutputStatistics:
-    """Return what a search for least squares says of the unknowns; none of another design."""
-    if runs.attrs[SAMPLING] != Sampling.TOWARDS_MEASUREMENTS:
+    """Return what runs that follow measurements say of the unknowns; none of other designs."""
+    design = _measured_design(study, runs)
+    if design is None:
         return {}
     from uqpen.designs.least_squares import LeastSquares
     from uqpen.statistics.calibration import fit_statistics
+    from uqpen.statistics.posterior import posterior_statistics
 
-    designs = (each for each in study.designs.values() if isinstance(each, LeastSquares))
-    design = next(each for each in designs if each.experiments.name == runs.attrs[MEASURED])
+    level = study.confidence_level
     with one_blas_thread():
-        return dict(fit_statistics(design, study.joint, runs, study.confidence_level))
+        if isinstance(design, LeastSquares):
+            return dict(fit_statistics(design, study.joint, runs, level))
+        return dict(posterior_statistics(design.experiments, runs, level))
+
+
+def _measured_design(study: ValidatedStudy, runs: xr.Dataset) -> MeasuredDesign | None:
+    """Return the design whose runs follow measurements; None for those of other designs."""
+    designs = (each for each in study.designs.values() if isinstance(each, MeasuredDesign))
+    of_runs = runs.attrs[SAMPLING], runs.attrs.get(MEASURED)
+    found = (each for each in designs if (each.sampling, each.experiments.name) == of_runs)
+    return next(found, None)
 
 
 def _validation_groups(

@@ -25,6 +25,7 @@ from uqpen.models.outcomes import COMPLETED
 from uqpen.report.blocks import Finding, Fold, Heading
 from uqpen.results.acceptance import Acceptance
 from uqpen.results.archive_view import ArchiveView, output_heading, output_title
+from uqpen.results.calibrations import posterior_statements
 from uqpen.results.digits import (
     count_text,
     estimate_texts,
@@ -515,7 +516,8 @@ def joint_findings(view: ArchiveView, design: str) -> Iterator[Finding]:
 
 def measurement_findings(view: ArchiveView) -> Iterator[Finding]:
     """Yield what measurements say of the model, and what they teach of unknown inputs."""
-    for head, text in (*validation_statements(view.tree), *fit_statements(view.tree)):
+    statements = (validation_statements, fit_statements, posterior_statements)
+    for head, text in chain.from_iterable(each(view.tree) for each in statements):
         yield Finding(capitalized(plain_text(head)), plain_text(text, 1000))
 
 
