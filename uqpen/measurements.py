@@ -295,12 +295,18 @@ class Experiments:
             ("experiment_number", self.experiment + 1),
             ("file_row", lines),
             ("bound_side", self.censoring),
+            ("row_hash", np.array(self.row_hashes, dtype=object)),
         ):
             yield name, xr.DataArray(numbers[own], along, (MEASURED_ROW,))
         if conditions:
             whole = np.stack([*conditions.values()], axis=-1)[own]
             both = along | {MEASURED_CONDITION: [*conditions]}
             yield "condition", xr.DataArray(whole, both, (MEASURED_ROW, MEASURED_CONDITION))
+
+    @property
+    def row_hashes(self) -> list[str]:
+        """Hashes of all rows by value; see `MeasuredOutputs.row_hashes`."""
+        return [each for section in self.sections for each in section.row_hashes]
 
     @property
     def rows(self) -> Iterator[tuple[MeasuredOutput, slice]]:

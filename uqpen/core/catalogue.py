@@ -946,6 +946,13 @@ _DESCRIBED_ROWS = [
     Statistic("experiment_number", "number of the experiment", (MEASURED_ROW,), has_bounds=False),
     Statistic("file_row", "number of the row in its file", (MEASURED_ROW,), has_bounds=False),
     Statistic(
+        "row_hash",
+        "hash of a measured value with its conditions",
+        (MEASURED_ROW,),
+        has_bounds=False,
+        kind="text",
+    ),
+    Statistic(
         "bound_side",
         "1 of a bound from below, -1 of one from above, 0 of a value",
         (MEASURED_ROW,),

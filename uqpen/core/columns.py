@@ -117,6 +117,34 @@ def read_columns(
         raise TableError(f'"{path}" cannot be read: {error.strerror}') from None
 
 
+def read_draws(path: Path, group: str) -> ColumnFile:
+    """Read the draws in a group of a NetCDF file, whose variables lie along one or two dimensions.
+
+    Of two, such as ``chain`` and ``draw``, the first comes first. A variable with other dimensions
+    or content is refused when it is loaded.
+
+    TableError if it is not there, or cannot be read.
+    """
+    try:
+        content = read_file(path, LARGEST_DATA)
+        variables = read_variables(content, group)
+    except FileNotFoundError:
+        raise TableError(f'there is no file "{path}"') from None
+    except (NotAFileError, OSError) as error:
+        raise TableError(f'"{path}" cannot be read: {error}') from None
+    except RefusedContentError as error:
+        raise TableError(f'"{path.name}" cannot be read as NetCDF: {error}') from None
+    columns = (
+        Column(
+            each.name,
+            each.unit or DIMENSIONLESS,
+            functools.partial(_values, each, path, most_dimensions=2),
+        )
+        for each in variables
+    )
+    return ColumnFile(FileSnapshot.from_content(path, content), tuple(columns))
+
+
 def columns_of_table(table: Mapping[str, object]) -> tuple[Column, ...]:
     """Return the columns of a table of lists by heading, each as a CSV file would have it.
 
@@ -287,14 +315,15 @@ def _netcdf(path: Path, content: bytes) -> tuple[Column, ...]:
         raise TableError(f'"{path.name}" cannot be read as NetCDF: {error}{remedy}') from None
 
 
-def _values(variable: NetcdfVariable, path: Path) -> FloatArray:
-    """Return the values of a NetCDF variable; a missing value is an error."""
+def _values(variable: NetcdfVariable, path: Path, most_dimensions: int = 1) -> FloatArray:
+    """Return the values of a NetCDF variable in one row; a missing value is an error."""
     where = f'"{path.name}", variable "{variable.name}"'
     try:
         entries = variable.values()
-        if np.ndim(entries) != 1:
-            raise TableError(f"{where} has {np.ndim(entries)} dimensions, expected one")
-        values = floats(entries)
+        if not 1 <= np.ndim(entries) <= most_dimensions:
+            expected = "one" if most_dimensions == 1 else "one or two"
+            raise TableError(f"{where} has {np.ndim(entries)} dimensions, expected {expected}")
+        values = floats(entries).ravel()
     except RefusedContentError as error:
         raise TableError(f'"{path.name}" cannot be read as NetCDF: {error}') from None
     except ValueError as error:

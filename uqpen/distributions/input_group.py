@@ -320,6 +320,8 @@ class SampleDistribution(InputGroup):
     weights: FloatArray  # (row,): relative weights, at least two above 0
     source: str = "a table"  # the file, for a description
     file: FileSnapshot | None = field(default=None, repr=False)  # that file
+    # Of a posterior: hashes of the measured values that have taught it.
+    taught_by: frozenset[str] = field(default=frozenset(), repr=False)
 
     @property
     def description(self) -> str:

@@ -24,6 +24,8 @@ from uqpen.core.model import Output
 from uqpen.core.statistic import AcceptanceVerdict, UnitRule
 from uqpen.core.streams import Stream
 from uqpen.core.units import DIMENSIONLESS
+from uqpen.distributions.input_group import SampleDistribution
+from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.measurements import AT_LEAST, AT_MOST, EXACTLY, Experiments, ValidationSettings
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
@@ -267,13 +269,15 @@ def validations_at_experiments(
     experiments: Experiments,
     settings: ValidationSettings,
     runs: xr.Dataset,
+    joint: JointDistribution,
     stream: Stream,
     level: float,
 ) -> Iterator[Validation]:
     """Yield the validation of each measured output by the runs of a design at experiments.
 
     Where the errors of measurement depend on the model, they are those at its mean. A size that is
-    not known is the root mean square of its prior.
+    not known is the root mean square of its prior. Values that have taught a posterior among the
+    inputs were used before.
     """
     predicted = experiments.predicted(runs)
     completed = np.isfinite(predicted).all(axis=1)
@@ -281,9 +285,11 @@ def validations_at_experiments(
     covariance = experiments.covariance(at, [each.scale for each in experiments.sizes])
     normal = stream.generator("errors of measurement").standard_normal(predicted.shape)
     errors = normal @ np.linalg.cholesky(covariance).T
-    (section,) = experiments.sections
-    used = {*settings.fitted.row_hashes} if settings.fitted else set()
-    used_before = np.array([each in used for each in section.row_hashes])
+    used = {*settings.fitted.row_hashes} if settings.fitted else set[str]()
+    posteriors = [each for each in joint.groups if isinstance(each, SampleDistribution)]
+    used = used.union(*(each.taught_by for each in posteriors))
+    taught = sum(len(each.inputs) for each in posteriors if each.taught_by)
+    used_before = np.array([each in used for each in experiments.row_hashes])
     for each, own in experiments.rows:
         yield Validation(
             measured=each.values,
@@ -296,7 +302,7 @@ def validations_at_experiments(
             stream=stream.child(each.output.name),
             numerical_std=settings.numerical_std.get(each.output.name, 0.0),
             accept=settings.accept.get(each.output.name),
-            fitted_inputs=settings.fitted_inputs,
+            fitted_inputs=settings.fitted_inputs + taught,
         )
 
 

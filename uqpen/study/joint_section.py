@@ -9,11 +9,19 @@ from typing import Any
 
 import numpy as np
 
+from uqpen.archive.read import open_archive, read_group
 from uqpen.core.arrays import BoolArray, FloatArray
-from uqpen.core.columns import Column, columns_of_table, read_columns
-from uqpen.core.errors import ConstraintError, QuantityError, SettingsError, TableError, toml_text
+from uqpen.core.columns import Column, columns_of_table, read_columns, read_draws
+from uqpen.core.errors import (
+    ArchiveError,
+    ConstraintError,
+    QuantityError,
+    SettingsError,
+    TableError,
+    toml_text,
+)
 from uqpen.core.files import FileSnapshot
-from uqpen.core.labels import WEIGHT
+from uqpen.core.labels import CALIBRATIONS, WEIGHT
 from uqpen.core.lookup import choices, nearest
 from uqpen.core.model import Input, Model
 from uqpen.core.settings import as_float, number, read_each, read_list
@@ -41,7 +49,7 @@ from uqpen.models.data.data_model import DataModel
 from uqpen.study.table_reader import OBJECT, TableReader, read_named_object
 from uqpen.study.user_defined_members import COPULA, read_class
 
-_KINDS = ("sample", "chaospy", OBJECT)
+_KINDS = ("sample", "posterior", "chaospy", OBJECT)
 _SAMPLE = 'a CSV or NetCDF file beside the study, with a column such as "x [cm]" for each input'
 
 
@@ -151,6 +159,8 @@ def _read_group(section: TableReader, model: Model) -> tuple[InputGroup, tuple[s
         return None
     if kinds[0] == "sample":
         return _read_sample(section, model)
+    if kinds[0] == "posterior":
+        return _read_posterior(section, model)
     noted = len(section.problems)
     variables = _inputs(section, model)
     if len(section.problems) > noted:
@@ -321,8 +331,53 @@ def _read_sample(section: TableReader, model: Model) -> tuple[InputGroup, tuple[
     return group, tuple(column.unit for column in taken)
 
 
+_POSTERIOR = (
+    'an archive and its design, such as "archives/rods.nc:fit", or a file in the form of ArviZ, '
+    'such as "chains.nc", with the group posterior. units = { x = "cm" } has those that it '
+    "does not state"
+)
+
+
+def _read_posterior(
+    section: TableReader, model: Model
+) -> tuple[InputGroup, tuple[str, ...]] | None:
+    """Read draws of a posterior, of this program or another one, as a joint distribution.
+
+    The rows are those of the file in their order, all chains behind each other.
+    """
+    noted = len(section.problems)
+    written = section.text("posterior", _POSTERIOR)
+    names = section.entries("inputs") if "inputs" in section else section.take("inputs")
+    units = section.table("units")
+    section.check_unknown_keys()
+    if written is None or "\0" in written:
+        return None
+    name, _, design = written.rpartition(":") if ".nc:" in written else (written, "", "")
+    path, known = section.folder / name, {variable.name: variable for variable in model.inputs}
+    taught_by: frozenset[str] = frozenset()
+    try:
+        read = read_draws(path, f"{CALIBRATIONS}/{design}/posterior" if design else "posterior")
+        stated = {key: str(value) for key, value in units.content.items()}
+        taken = (each for each in read.columns if each.name in {*known, *(names or [])})
+        columns = tuple(replace(each, unit=stated.get(each.name, each.unit)) for each in taken)
+        found = _rows(columns, model, names, fewest=1)
+        if design:
+            group = read_group(open_archive(path), CALIBRATIONS, design)
+            taught_by = frozenset(map(str, group["row_hash"].values))
+    except (TableError, ArchiveError) as error:
+        section.add_problem("posterior", str(error), _POSTERIOR)
+        return None
+    if len(section.problems) > noted or found is None:
+        return None
+    columns_taken, rows, weights, dropped = found
+    inputs = tuple(column.name for column in columns_taken)
+    source = f"the posterior {design or name}{dropped}"
+    made = SampleDistribution(inputs, rows, weights, source, read.file, taught_by)
+    return made, tuple(column.unit for column in columns_taken)
+
+
 def _rows(
-    columns: tuple[Column, ...], model: Model, names: list[Any] | None
+    columns: tuple[Column, ...], model: Model, names: list[Any] | None, fewest: int = 2
 ) -> tuple[list[Column], FloatArray, FloatArray, str] | None:
     """Return the columns of the inputs, their rows in SI units, and the weights of the rows.
 
@@ -332,7 +387,7 @@ def _rows(
     known = {variable.name: variable for variable in model.inputs}
     headings = [column.name for column in columns]
     wanted = [name for name in headings if name in known] if names is None else names
-    _check_wanted(wanted, headings, known)
+    _check_wanted(wanted, headings, known, fewest)
     if any(known[name].unit is ANY_DIMENSION for name in wanted):
         return None
     taken = [columns[headings.index(name)] for name in wanted]
@@ -353,8 +408,10 @@ def _rows(
     return taken, rows, weights, note
 
 
-def _check_wanted(wanted: list[Any], headings: list[str], known: Mapping[str, Input]) -> None:
-    """Raise an error if the columns of a sample are not those of two inputs or more."""
+def _check_wanted(
+    wanted: list[Any], headings: list[str], known: Mapping[str, Input], fewest: int
+) -> None:
+    """Raise an error if the columns of a sample are not those of some inputs, two at least."""
     for name in wanted:
         if not isinstance(name, str) or name not in known:
             raise TableError(f"{toml_text(name)} is no input; {choices(str(name), known)}")
@@ -363,8 +420,9 @@ def _check_wanted(wanted: list[Any], headings: list[str], known: Mapping[str, In
             raise TableError(f'column "{name}" {found}')
         if wanted.count(name) > 1:
             raise TableError(f'"{name}" stands twice in inputs')
-    if len(wanted) < 2:
-        raise TableError(f"columns of {len(wanted)} inputs: two or more depend on each other")
+    if len(wanted) < fewest:
+        what = "two or more depend on each other" if fewest > 1 else "one or more are expected"
+        raise TableError(f"columns of {len(wanted)} inputs: {what}")
 
 
 def _weights(columns: tuple[Column, ...], is_whole: BoolArray) -> FloatArray:

@@ -301,7 +301,12 @@ def _validation_groups(
 
     def validations(name: str) -> Iterator[Validation]:
         return validations_at_experiments(
-            made.experiments, settings, runs[name][design], stream, study.confidence_level
+            made.experiments,
+            settings,
+            runs[name][design],
+            study.joint,
+            stream,
+            study.confidence_level,
         )
 
     first = next(iter(study.models))

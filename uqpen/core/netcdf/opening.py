@@ -189,15 +189,21 @@ class NetcdfVariable:
         return self.stored
 
 
-def read_variables(content: bytes) -> list[NetcdfVariable]:
-    """Read the variables of a file outside groups, but not those that only number a dimension.
+def read_variables(content: bytes, group: str = "") -> list[NetcdfVariable]:
+    """Read the variables of a file in a group, but not those that only number a dimension.
 
-    RefusedContentError if the libraries must not get it, or cannot read it.
+    Without a group they are those outside groups. RefusedContentError if there is no such group, or
+    if the libraries must not get the file, or cannot read it.
     """
     found = []
     with _opened(content) as root, _refusing():
-        for name, each in root.variables.items():
-            if name in root.dimensions and "units" not in each.ncattrs():
+        place: Any = root
+        for part in filter(None, group.split("/")):
+            if part not in place.groups:
+                raise RefusedContentError(f'it has no group "{group}"')
+            place = place.groups[part]
+        for name, each in place.variables.items():
+            if name in place.dimensions and "units" not in each.ncattrs():
                 continue
             try:
                 stored = _values(each)
