@@ -266,6 +266,20 @@ class Experiments:
         """Standard deviations that are not known, in the order of the outputs that have them."""
         return tuple(each.errors.size for _, each in self.outputs if each.errors.size is not None)
 
+    def measured_rows(self, **statistics: FloatArray) -> Iterator[tuple[str, xr.DataArray]]:
+        """Yield all measured values, what is known of them, and statistics of each by name.
+
+        The names are those of the catalogue, each of shape (row,).
+        """
+        import xarray as xr
+
+        yield from self.described_rows(slice(None))
+        names = [each.output.name for each, own in self.rows for _ in self.values[own]]
+        along = {MEASURED_ROW: np.arange(1, len(names) + 1)}
+        yield "measured_output", xr.DataArray(np.array(names, dtype=object), along, (MEASURED_ROW,))
+        for name, values in {"measured": self.values, **statistics}.items():
+            yield name, xr.DataArray(values, along, (MEASURED_ROW,))
+
     def described_rows(self, own: slice) -> Iterator[tuple[str, xr.DataArray]]:
         """Yield what is known of some rows, by the names of the catalogue: numbers and conditions.
 

@@ -45,7 +45,7 @@ def dots(axes):
 FIELDS = {"fan", "model-curves", "sensitivity-along", "map"}
 # Bounds are of intervals, which they do not have either, nor swept inputs: see
 # `test_interval_bounds` and `test_sweep`.
-OF_STUDIES = set(FIGURES) - set(OF_BENCHMARKS) - {"bounds", "sweep", "measurements"}
+OF_STUDIES = set(FIGURES) - set(OF_BENCHMARKS) - {"bounds", "sweep", "measurements", "posterior"}
 # What each has something for.
 EXPECTED = {
     "beam": OF_STUDIES

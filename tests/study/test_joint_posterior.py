@@ -4,7 +4,11 @@ import numpy as np
 import pytest
 import xarray as xr
 
+import uqpen
+from uqpen.charts.measured_values import measurement_charts, posterior_charts
 from uqpen.core.errors import StudyError
+from uqpen.report.page import report_page
+from uqpen.results.archive_view import select_view
 from uqpen.study.load import parse_study
 
 STUDY = """seed = 1
@@ -77,3 +81,58 @@ def test_a_mistake_is_told_with_what_is_expected(chains, old, new, message):
     (found,) = [each for each in refused(chains, STUDY.replace(old, new)) if "joint.taught" in each]
     assert message in found
     assert "expected an archive and its design" in found
+
+
+TAUGHT = """seed = 1
+[model]
+python = "sum.py:add"
+inputs = { a = "m", b = "m", c = "m" }
+outputs = { y = "m" }
+[inputs]
+a = "(1 ± 1) m"
+b = "(2 ± 1) m"
+c = "1 m"
+[measured.rows]
+conditions = ["c"]
+unknown = ["a", "b"]
+table = { "c [m]" = [1, 2, 3], "y [m]" = [4.1, 5.0, 5.8] }
+y = { std = "0.1 m" }
+[designs.fit]
+kind = "posterior"
+measured = ["rows"]
+particles = 100
+"""
+
+
+def test_the_next_study_has_the_draws_to_the_bit_and_knows_what_has_taught_them(chains):
+    uqpen.make_archive(parse_study(TAUGHT, folder=chains), chains / "taught.nc")
+    draws = uqpen.open_archive(chains / "taught.nc")["calibrations/fit/posterior"].to_dataset()
+    start, end = TAUGHT.index("[inputs]"), TAUGHT.index("[measured")
+    joint = '[inputs]\nc = "1 m"\n[joint.taught]\nposterior = "taught.nc:fit"\n'
+    text = TAUGHT[:start] + joint + TAUGHT[end : TAUGHT.index("[designs")]
+    # A row of the fit, and one that is new.
+    text = text.replace("[1, 2, 3]", "[3, 4]").replace("[4.1, 5.0, 5.8]", "[5.8, 7.0]")
+    text += '[designs.next]\nkind = "monte-carlo"\nruns = 60\nat = "rows"\n'
+    text += '[validation.rows]\naccept = { y = "10 m" }\n'
+    study = parse_study(text, folder=chains)
+    (group,) = study.joint.groups
+    assert group.inputs == ("a", "b")
+    assert (group.rows == np.column_stack([draws[name].values.ravel() for name in "ab"])).all()
+    found = uqpen.run(study)["validation/next/y"]
+    assert found["used_before"].values.tolist() == [1, 0]
+    assert found["row_verdict"].values.tolist() == ["not decided", "met"]
+    # What the fit knows of the sum is in the predictions, and no more.
+    assert found["predicted_std"].values == pytest.approx([0.1 / np.sqrt(3)] * 2, rel=0.4)
+
+
+def test_the_page_has_draws_of_the_prior_and_the_posterior(chains):
+    tree = uqpen.run(parse_study(TAUGHT, folder=chains))
+    view = select_view(tree, None, None, None)
+    (charts,) = posterior_charts(view)
+    assert [each.title for each in charts.charts] == ["a", "b", "b against a"]
+    bars, prior = charts.charts[0].marks
+    assert np.sum(bars.counts) == pytest.approx(1)
+    assert np.sum(prior.y[:-1]) == pytest.approx(1)
+    (of_rows,) = measurement_charts(view)
+    assert of_rows.charts[0].source == "fit"
+    assert "prior and posterior by fit" in report_page(tree)

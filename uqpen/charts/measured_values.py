@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from itertools import combinations
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
+from uqpen.archive.groups import group_names, read_group
 from uqpen.charts.chart import Axis, Chart, Charts, LegendKey
-from uqpen.charts.marks import Band, Dots, Line, Mark, Points, Rule
-from uqpen.core.arrays import FloatArray
+from uqpen.charts.marks import Band, Bars, Dots, Line, Mark, Points, Rule
+from uqpen.core.arrays import FloatArray, evenly_spread
+from uqpen.core.labels import CALIBRATIONS
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.digits import count_text, number_text
 from uqpen.results.texts import title_with_unit, unit_suffix
@@ -16,6 +21,8 @@ from uqpen.results.validations import MeasuredRows, fitted_rows, measured_rows
 
 # Conditions that errors are drawn against, and experiments whose curves are drawn.
 _MOST_CONDITIONS, _MOST_CURVES = 3, 6
+# Unknowns and pairs of them whose draws are drawn, the most dependent pairs first; and how.
+_MOST_UNKNOWNS, _MOST_PAIRS, _MOST_POINTS, _BINS = 8, 3, 500, 60
 # Bars of one standard deviation would hide most of what is compared.
 _BARS = 2
 _NOTE = "Bars are two standard deviations."
@@ -29,10 +36,93 @@ def measurement_charts(view: ArchiveView) -> Iterator[Charts]:
             z = np.asarray(of.statistics["z_score"].values)
             yield _charts(view, of, *found, z)
     for of in fitted_rows(view.tree):
-        fitted = of.values("fitted")
-        z = (fitted - of.values("measured")) / of.values("measured_std")
+        is_posterior = "predicted_mean" in of.statistics
+        model = of.values("predicted_mean" if is_posterior else "fitted")
+        spread = of.values("predicted_std") if is_posterior else 0 * model
+        z = (model - of.values("measured")) / np.hypot(of.values("measured_std"), spread)
         z[of.statistics["bound_side"].values != 0] = np.nan  # no value was measured
-        yield _charts(view, of, fitted, 0 * fitted, z)
+        yield _charts(view, of, model, spread, z)
+
+
+def posterior_charts(view: ArchiveView) -> Iterator[Charts]:
+    """Yield the draws of each posterior beside those of its prior, and pairs of unknowns."""
+    for design in group_names(view.tree, CALIBRATIONS):
+        both = [
+            read_group(view.tree, CALIBRATIONS, design, name) for name in ("prior", "posterior")
+        ]
+        if both[1].data_vars:
+            prior, posterior = (
+                {str(name): _shown(view, name, group[name]) for name in group.data_vars}
+                for group in both
+            )
+            charts = [
+                _prior_and_posterior(view, design, name, prior[name], posterior[name])
+                for name in [*posterior][:_MOST_UNKNOWNS]
+            ]
+            names = [*posterior][:_MOST_UNKNOWNS]
+            pairs = sorted(
+                combinations(names, 2),
+                key=lambda pair: -abs(_rank_correlation(posterior[pair[0]], posterior[pair[1]])),
+            )
+            charts += [_pair(view, design, pair, prior, posterior) for pair in pairs[:_MOST_PAIRS]]
+            keys = (
+                LegendKey("posterior", view.series(design), "bar"),
+                LegendKey("prior", "quiet", "line"),
+            )
+            yield Charts(tuple(charts), keys=keys)
+
+
+def _rank_correlation(one: FloatArray, other: FloatArray) -> float:
+    ranks = np.array([np.argsort(np.argsort(each)) for each in (one, other)])
+    return float(np.corrcoef(ranks)[0, 1])
+
+
+def _shown(view: ArchiveView, name: Any, draws: xr.DataArray) -> FloatArray:
+    """Return draws of an unknown in the unit that it is shown in."""
+    values = np.asarray(draws.values, dtype=np.float64).ravel()
+    shown: FloatArray = view.scale(str(name)).from_si(values)
+    return shown
+
+
+def _prior_and_posterior(
+    view: ArchiveView, design: str, name: str, prior: FloatArray, posterior: FloatArray
+) -> Chart:
+    edges = np.histogram_bin_edges(np.concatenate([prior, posterior]), _BINS)
+    before, after = (np.histogram(each, edges)[0] / len(each) for each in (prior, posterior))
+    return Chart(
+        title=name,
+        summary=f"Draws of {name}: prior and posterior by {design}.",
+        x=Axis(view.axis_label(name)),
+        y=Axis("share of the draws"),
+        marks=(
+            Bars(edges, after, view.series(design), "%{x}<br>%{y:.2~f}"),
+            Line(edges, np.append(before, before[-1]), "quiet", name="prior", is_stepped=True),
+        ),
+        source=design,
+    )
+
+
+def _pair(
+    view: ArchiveView,
+    design: str,
+    pair: tuple[str, str],
+    prior: Mapping[str, FloatArray],
+    posterior: Mapping[str, FloatArray],
+) -> Chart:
+    one, other = pair
+    rows = evenly_spread(len(posterior[one]), _MOST_POINTS)
+    before = evenly_spread(len(prior[one]), _MOST_POINTS)
+    return Chart(
+        title=f"{other} against {one}",
+        summary=f"Draws of {one} and {other}: prior and posterior by {design}.",
+        x=Axis(view.axis_label(one)),
+        y=Axis(view.axis_label(other)),
+        marks=(
+            Points(prior[one][before], prior[other][before], "quiet", name="prior", opacity=0.3),
+            Points(posterior[one][rows], posterior[other][rows], view.series(design), name=design),
+        ),
+        source=design,
+    )
 
 
 def _charts(

@@ -999,6 +999,18 @@ CALIBRATION_STATISTICS = _by_name(
         Statistic(
             "fitted", "result of the model at the minimum", (MEASURED_ROW,), has_bounds=False
         ),
+        Statistic(
+            "predicted_mean",
+            "mean of the model over the posterior",
+            (MEASURED_ROW,),
+            has_bounds=False,
+        ),
+        Statistic(
+            "predicted_std",
+            "standard deviation of the model over the posterior",
+            (MEASURED_ROW,),
+            has_bounds=False,
+        ),
         *(Statistic(name, title, has_bounds=False) for name, title in _OF_FIT.items()),
         Statistic(
             "unknown_value",

@@ -26,6 +26,7 @@ FIGURES = {
     "sensitivity-along": "uqpen.charts.curves:driver_charts",
     "map": "uqpen.charts.curves:moment_maps",
     "measurements": "uqpen.charts.measured_values:measurement_charts",
+    "posterior": "uqpen.charts.measured_values:posterior_charts",
     "trajectory": "uqpen.charts.trajectory:trajectory_charts",
     "velocity-profile": "uqpen.charts.trajectory:velocity_profile_chart",
     "losses": "uqpen.charts.failed_runs:failure_charts",

@@ -110,11 +110,11 @@ def measured_rows(tree: xr.DataTree) -> Iterator[MeasuredRows]:
 
 
 def fitted_rows(tree: xr.DataTree) -> Iterator[MeasuredRows]:
-    """Yield the rows of each output that a search for least squares has fitted."""
+    """Yield the rows of each output that unknown inputs were taught by."""
     statistics = SourceStatistics(tree)
     for design in group_names(tree, CALIBRATIONS):
         found = statistics.of_runs(CALIBRATIONS, design)
-        if "fitted" not in found:
+        if "measured" not in found:
             continue
         runs = read_group(tree, RUNS, design)
         outputs = found["measured_output"].values

@@ -16,7 +16,6 @@ from uqpen.core.arrays import FloatArray
 from uqpen.core.catalogue import CALIBRATION_STATISTICS
 from uqpen.core.labels import (
     COMBINATION,
-    MEASURED_ROW,
     MINIMUM,
     MOVED_AXIS,
     OTHER_UNKNOWN,
@@ -431,16 +430,7 @@ def _row_statistics(
     fitted: FittedUnknowns,
 ) -> Iterator[tuple[str, xr.DataArray]]:
     """Yield the measured values, their errors about the model, and the model at the minimum."""
-    yield from measured.described_rows(slice(None))
     at_minimum = (runs.searched.points == fitted.at.point).all(axis=1)
     run = int(np.flatnonzero(at_minimum & (runs.searched.axis == NO_AXIS))[0])
-    names = [each.output.name for each, own in measured.rows for _ in measured.values[own]]
-    along = {MEASURED_ROW: np.arange(1, len(names) + 1)}
     std = fitted.scale * np.sqrt(np.diag(weighted.likelihood.covariance))
-    for name, values in (
-        ("measured_output", np.array(names, dtype=object)),
-        ("measured", measured.values),
-        ("measured_std", std),
-        ("fitted", predicted[run]),
-    ):
-        yield name, xr.DataArray(values, along, (MEASURED_ROW,))
+    yield from measured.measured_rows(measured_std=std, fitted=predicted[run])

@@ -296,6 +296,16 @@ def posterior_statistics(
         nothing = Estimate.without_bounds(np.full(len(names), np.nan), sample)
         yield "posterior_mean", nothing.to_array(UNKNOWN, coordinates=along, **described)
         return
+    # Of runs that are drawn; the covariance is that at their means.
+    drawn = sample.runs.ravel()
+    predicted, sizes = measured.predicted(runs)[drawn], error_stds(measured, runs)[drawn]
+    middle = predicted.mean(axis=0)
+    covariance = measured.covariance(middle, np.sqrt((sizes**2).mean(axis=0)))
+    yield from measured.measured_rows(
+        measured_std=np.sqrt(np.diag(covariance)),
+        predicted_mean=middle,
+        predicted_std=predicted.std(axis=0, ddof=1),
+    )
     notes = np.array(sample.faults, dtype=object)
     mean = replace(sample.mean, note=notes).with_note(sample.failure_note)
     quantiles = Estimate.stacked(map(sample.quantile, _PROBABILITIES))

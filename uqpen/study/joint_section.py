@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from uqpen.archive.read import open_archive, read_group
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.columns import Column, columns_of_table, read_columns, read_draws
 from uqpen.core.errors import (
@@ -362,6 +361,9 @@ def _read_posterior(
         columns = tuple(replace(each, unit=stated.get(each.name, each.unit)) for each in taken)
         found = _rows(columns, model, names, fewest=1)
         if design:
+            # It loads xarray, which a study without one does not need.
+            from uqpen.archive.read import open_archive, read_group
+
             group = read_group(open_archive(path), CALIBRATIONS, design)
             taught_by = frozenset(map(str, group["row_hash"].values))
     except (TableError, ArchiveError) as error:

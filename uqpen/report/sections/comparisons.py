@@ -13,7 +13,7 @@ from uqpen.archive.read import group_names
 from uqpen.charts.chart import Block, Charts
 from uqpen.charts.convergence_history import convergence_charts
 from uqpen.charts.distributions import model_chart
-from uqpen.charts.measured_values import measurement_charts
+from uqpen.charts.measured_values import measurement_charts, posterior_charts
 from uqpen.charts.source_comparison import (
     available_statistics,
     compared_sources,
@@ -53,6 +53,9 @@ def measurements(view: ArchiveView) -> Iterator[Block]:
     for charts in measurement_charts(view):
         first = charts.charts[0]
         yield Heading(f"{output_heading(view, first.of)} by {first.source}")
+        yield charts
+    for charts in posterior_charts(view):
+        yield Heading(f"prior and posterior by {charts.charts[0].source}")
         yield charts
     for table in (*validation_tables(view.tree), *calibration_tables(view.tree)):
         yield Table(table, is_folded=True)
