@@ -51,14 +51,14 @@ class Item(NamedTuple):
 class Archives:
     """The archives of the concrete study, its rods and their transition, and what is read there."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, runs: int = 200_000) -> None:
         for name in ("concrete", "rods", "transition"):
             study = uqpen.load_study(STUDIES / f"{name}.toml")
             uqpen.make_archive(study, folder / f"{name}.nc")
         self.concrete = uqpen.open_archive(folder / "concrete.nc")
         self.rods = uqpen.open_archive(folder / "rods.nc")
         self.transition = uqpen.open_archive(folder / "transition.nc")
-        self.replication: Replication = replicate(folder / "concrete.nc", runs=200_000)
+        self.replication: Replication = replicate(folder / "concrete.nc", runs=runs)
         runs = self.concrete["runs/monte_carlo"].to_dataset()
         self.lost = int((runs["status"].values != 0).sum())
         self.runs = runs.isel(run=runs["status"].values == 0)

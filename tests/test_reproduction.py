@@ -23,7 +23,8 @@ def test_the_page_has_every_item_with_a_verdict():
 
 @pytest.mark.slow
 def test_fresh_archives_give_the_verdicts_of_the_page(tmp_path, monkeypatch):
-    archives = reproduction.Archives(tmp_path)
+    # Published figures are of 10 000 runs, so a quarter of the page's runs moves no z by 8 %.
+    archives = reproduction.Archives(tmp_path, runs=50_000)
     made = verdicts("\n".join(reproduction.page(archives)))
     assert made == verdicts(PAGE.read_text(encoding="utf-8"))
     fitting = [each.name for each in archives.replication.readings if each.fits]
