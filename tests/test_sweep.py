@@ -129,8 +129,17 @@ def test_it_verifies_and_is_shown_as_tables_json_and_page(folder, tmp_path):
     assert mean.columns == ["at this value", "minus that at 1"]
     assert [label for label, _ in mean.rows] == ["1", "1.001", "3"]
     assert mean.rows[0][1][1] == "–"
-    # A quantile of differences is no difference of quantiles.
-    assert tables["total, median over speed [m/s], monte_carlo"].columns == ["at this value"]
+    # A quantile of differences is no difference of quantiles, so that this one is of pairs.
+    median = tables["total, median over speed [m/s], monte_carlo"]
+    assert median.columns == mean.columns
+    change = archive[f"differences/{NAMES[2]}/monte_carlo/total"]["difference_of_quantile"]
+    of_first, of_last = (
+        archive[f"models/{name}/statistics/monte_carlo/total"]["quantile"].sel(probability=0.5)
+        for name in (NAMES[0], NAMES[2])
+    )
+    # Without the pairs of which one run has failed.
+    _, lower, upper = change.sel(probability=0.5).values
+    assert lower < float(of_last[0] - of_first[0]) < upper
     assert "total, P(> 3.0) over speed [m/s], monte_carlo" in tables
     found = archive_json(archive)
     assert list(found["models"]) == NAMES

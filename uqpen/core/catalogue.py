@@ -588,16 +588,15 @@ _STATISTICS = [
         for each in _OF_VALUES
         if each.name in ("mean", "quantile", "exceedance", "below")
     ),
-    # Those of a difference are others: a quantile of differences is no difference of quantiles.
-    *(
-        derived(
-            each,
-            "difference_of_",
-            "{title}, difference from the first model",
-            unit=UnitRule.DIFFERENCE,
-        )
-        for each in _OF_VALUES
-        if each.name in ("std", "quantile")
+    # Of two models at common points. A quantile of differences is no difference of quantiles.
+    Statistic(
+        "difference_of_std", "difference of two standard deviations", (), UnitRule.DIFFERENCE
+    ),
+    Statistic(
+        "difference_of_quantile",
+        "difference of two quantiles",
+        (PROBABILITY,),
+        UnitRule.DIFFERENCE,
     ),
     *(
         derived(

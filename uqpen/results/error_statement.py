@@ -158,9 +158,8 @@ def _estimates(
             for each in finer:
                 of_finer = _together(models[each], design, output, name)
                 found |= {f"{_FINER} {each} {key}": array for key, array in of_finer.items()}
-                of = f"difference_of_{name}" if name in ("std", "quantile") else name
                 if each in differences:  # those over a box have none
-                    found[f"{_CHANGE} {each}"] = differences[each].get(design, output, of)
+                    found[f"{_CHANGE} {each}"] = differences[each].change(design, output, name)
             for each in surrogates:
                 found[f"{_SURROGATE} {each}"] = statistics.get(each, output, name)
             for each in alternatives:

@@ -80,7 +80,7 @@ def archive_json(tree: xr.DataTree) -> dict[str, Any]:
     there is none, with how its interval was made. A field has ``dimensions``, and lists along them
     in place of the numbers of its figures. Of several models, all that under ``models.<name>``,
     their differences under ``differences.<name>``, and the shares of model form under
-    ``model_form.<design>.<output>``. The parts of the error of an answer over fitted parameters
+    ``model_form.<design>.<output>``. The parts of the error of an answer, where two are known,
     are under ``errors.<answer>``. The ``confidence_level`` of all intervals, where it is
     not 0.95.
     """

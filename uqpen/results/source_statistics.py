@@ -184,6 +184,11 @@ class SourceStatistics:
         """
         return self.statistics(source, output).get(statistic)
 
+    def change(self, source: str, output: str, statistic: str) -> xr.DataArray | None:
+        """Return by how much a statistic differs between the two models of a difference."""
+        is_own = statistic in ("std", "quantile")  # which others are of the differences
+        return self.get(source, output, f"difference_of_{statistic}" if is_own else statistic)
+
     def statistics(self, source: str, output: str) -> UnpackedStatistics:
         """Return all statistics of an output by a source, those of the catalogue first."""
         if (source, output) not in self._arrays:

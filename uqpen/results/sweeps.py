@@ -37,7 +37,7 @@ class SweptStatistic(NamedTuple):
     label: str  # such as ``P(> 60 cm)``
     unit: str  # that it is shown in; of no unit for a probability
     estimates: Mapping[str, xr.DataArray]  # by model; along ``bound``
-    differences: Mapping[str, xr.DataArray]  # of all but the first model; none of quantiles
+    differences: Mapping[str, xr.DataArray]  # of all but the first model
     convert: Conversion  # of an estimate from SI, and of a difference
     convert_difference: Conversion
 
@@ -86,23 +86,18 @@ class Sweep:
                 conversion(statistic, scale(unit), is_difference=each) for each in (False, True)
             )
             converts = tuple(rules)
+            name = statistic.name
+            own = {key: each.get(design, output, name) for key, each in self.models.items()}
+            paired = {
+                key: each.change(design, output, name) for key, each in self.differences.items()
+            }
             found, differing = (
-                dict(
-                    labelled_entries(
-                        statistic,
-                        {
-                            model: array
-                            for model, each in sources.items()
-                            if (array := each.get(design, output, statistic.name)) is not None
-                        },
-                    )
-                )
-                for sources in (self.models, self.differences)
+                dict(labelled_entries(statistic, {k: v for k, v in each.items() if v is not None}))
+                for each in (own, paired)
             )
             for label, estimates in found.items():
                 own_unit = DIMENSIONLESS if is_probability else unit
-                # A quantile of differences is no difference of quantiles.
-                others = {} if statistic.name == "quantile" else differing.get(label, {})
+                others = differing.get(label, {})
                 yield SweptStatistic(label, own_unit, estimates, others, *converts)
 
 
