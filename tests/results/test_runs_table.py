@@ -134,6 +134,16 @@ def test_parquet_is_written_or_names_the_package_that_it_needs(archive):
         pd.testing.assert_frame_equal(pd.read_parquet(io.BytesIO(file_of(table, "parquet"))), table)
 
 
+MEASURED = """measured = ["six"]
+        [measured.six]
+        unknown = ["x1"]
+        fixed = ["x2", "x3"]
+        [measured.six.table]
+        y = [6.0]
+        [measured.six.y]
+        std = 1
+"""
+
 DESIGN_TABLES = {
     "monte-carlo": "runs = 8",
     "latin-hypercube": "runs = 8\nreplicates = 2",
@@ -152,6 +162,8 @@ DESIGN_TABLES = {
     "form": 'event = "y > 5"',
     "importance-sampling": 'event = "y > 5"\nsamples = 200\nreplicates = 3',
     "table": 'file = "points.csv"',
+    "least-squares": f"at_most = 100\n{MEASURED}",
+    "posterior": f"particles = 100\nat_most = 2_000\n{MEASURED}",
     "interval-bounds": 'events = ["y > 5"]\npilot = 50\nruns = 30',
 }
 
