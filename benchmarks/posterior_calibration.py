@@ -4,7 +4,8 @@ Tables of docs/coverage/posteriors.md as `seed_table.py` makes them. The first i
 calibration: values of three unknowns are drawn from their priors, then a curve of ten points with
 errors, and the posterior of each such data set has to hold the values that it came from. The second
 has posteriors that are known, and counts the intervals by the scatter of replicates that hold their
-exact means, standard deviations and evidence.
+exact means, standard deviations and evidence. The third has posteriors with published means of long
+chains, and the fourth gives as many likelihoods to emcee, which has to be installed.
 """
 
 from __future__ import annotations
@@ -207,15 +208,144 @@ def _known(name: str, replicates: int, seed: int) -> Row:
     return row | {"faulty": int(any(sample.faults))}
 
 
+# Posteriors with published means: posteriordb (Magnusson et al. 2024) has 10 000 draws of each.
+
+_EFFECTS = np.array([28.0, 8, -3, 7, -1, 1, 18, 12])
+_EFFECT_STDS = np.array([15.0, 10, 16, 11, 9, 11, 10, 18])
+# Pelts of hares and lynxes in thousands, 1900 to 1920 (Hudson's Bay Company).
+_HARES = [30.0, 47.2, 70.2, 77.4, 36.3, 20.6, 18.1, 21.4, 22.0, 25.4, 27.1]
+_HARES += [40.3, 57.0, 76.6, 52.3, 19.5, 11.2, 7.6, 14.6, 16.2, 24.7]
+_LYNXES = [4.0, 6.1, 9.8, 35.2, 59.4, 41.7, 19.0, 13.0, 8.3, 9.1, 7.4]
+_LYNXES += [8.0, 12.3, 19.5, 45.7, 51.1, 29.7, 15.8, 9.7, 10.1, 8.6]
+_STEPS = 40  # of Runge and Kutta's method in a year
+
+
+def _schools(values: Array) -> Array:
+    return _log_normal(_EFFECTS - values[:, 2:], _EFFECT_STDS)
+
+
+def _school_values(points: Array) -> Array:
+    mean, scale = 5 * points[:, 0], stats.halfcauchy.ppf(stats.norm.cdf(points[:, 1]), scale=5)
+    effects = mean[:, np.newaxis] + scale[:, np.newaxis] * points[:, 2:]
+    return np.column_stack([mean, scale, effects])
+
+
+def _animals(values: Array) -> Array:
+    """Return the likelihood of Lotka and Volterra's equations with log-normal errors."""
+    birth, hunted, death, fed = values[:, :4].T
+    at = np.log(values[:, 4:6].T)
+    found = np.zeros(len(values))
+
+    def slope(at: Array) -> Array:
+        hares, lynxes = np.exp(np.minimum(at, 50.0))
+        return np.stack([birth - hunted * lynxes, fed * hares - death])
+
+    with np.errstate(over="ignore", invalid="ignore"):
+        for pelts in zip(_HARES, _LYNXES, strict=True):
+            logarithms = np.log(pelts)
+            found += _log_normal(logarithms - at.T, values[:, 6:]) - logarithms.sum()
+            for _ in range(_STEPS):
+                one = slope(at)
+                two = slope(at + one / 2 / _STEPS)
+                three = slope(at + two / 2 / _STEPS)
+                four = slope(at + three / _STEPS)
+                at = at + (one + 2 * two + 2 * three + four) / 6 / _STEPS
+    return np.where(np.isfinite(found), found, np.nan)
+
+
+def _animal_values(points: Array) -> Array:
+    middle, spread = np.tile([1.0, 0.05], 2), np.tile([0.5, 0.05], 2)
+    # Normal above 0.
+    inside = stats.norm.cdf(middle / spread)
+    upper = stats.norm.isf(inside * stats.norm.sf(points[:, :4]))
+    start, size = 10 * np.exp(points[:, 4:6]), np.exp(points[:, 6:] - 1)
+    return np.column_stack([middle + spread * upper, start, size])
+
+
+_SCHOOLS = ("μ", "τ", *(f"θ{number}" for number in range(1, 9)))
+_ANIMALS = ("birth", "hunted", "death", "fed", "hares", "lynxes", "error of hares", "of lynxes")
+# By name: the problem, and the means of its first unknowns.
+REFERENCES: dict[str, tuple[Problem, tuple[float, ...]]] = {
+    "eight schools": (Problem(_SCHOOLS, _school_values, _schools), (4.4105, 3.6021)),
+    "lynx and hare": (
+        Problem(_ANIMALS, _animal_values, _animals),
+        (0.54686, 0.027747, 0.80010, 0.024086, 34.035, 5.9359, 0.24806, 0.25102),
+    ),
+}
+
+
+def _reference(name: str, replicates: int, seed: int) -> Row:
+    """Return how far means of a sample are from published ones, in standard deviations."""
+    problem, means = REFERENCES[name]
+    stream = Stream(seed, "reference", name, replicates)
+    sample = posterior_sample(problem, stream, replicates=replicates)
+    assert isinstance(sample, PosteriorSample), sample
+    off = np.abs(sample.mean.value[: len(means)] - means)
+    relative = off / sample.std.value[: len(means)]
+    return {
+        "likelihoods": len(sample.log_likelihood),
+        "off2": float(np.mean(relative**2)),
+        "largest": float(relative.max()),
+        "in_errors": float(np.max(off / sample.standard_error[: len(means)])),
+        "faulty": int(any(sample.faults)),
+    }
+
+
+# As many likelihoods for emcee, with each of its moves, from draws of the prior.
+
+_WALKERS = 40
+
+
+def _beside(name: str, seed: int) -> Row:
+    """Return the errors of means by both programs, in standard deviations."""
+    import emcee
+
+    known, stream = KNOWN[name], Stream(seed, "beside", name)
+    sample = posterior_sample(known.problem, stream)
+    assert isinstance(sample, PosteriorSample), sample
+    spent, dimension = len(sample.log_likelihood), len(known.mean)
+    steps = spent // _WALKERS
+
+    def log_density(points: Array) -> Array:
+        found = known.problem.log_likelihood(known.problem.values(points))
+        return np.asarray(found - (points**2).sum(axis=1) / 2)
+
+    means = {"own": sample.mean.value}
+    moves = {"stretch": emcee.moves.StretchMove(), "differences": emcee.moves.DEMove()}
+    for move, made in moves.items():
+        rng = np.random.RandomState(stream.generator(move).integers(2**32))
+        start = emcee.State(rng.standard_normal((_WALKERS, dimension)))
+        start.random_state = rng.get_state()
+        sampler = emcee.EnsembleSampler(
+            _WALKERS, dimension, log_density, moves=made, vectorize=True
+        )
+        sampler.run_mcmc(start, steps)
+        chain = sampler.get_chain(discard=steps // 4, flat=True)
+        means[move] = known.problem.values(chain).mean(axis=0)
+    off2 = {
+        f"off2_{key}": float(np.mean(((mean - known.mean) / known.std) ** 2))
+        for key, mean in means.items()
+    }
+    rounds = int(np.bincount(sample.sampled.replicate).max()) // sample.runs.shape[1]
+    return {"likelihoods": spent, "rounds": rounds, "steps": steps} | off2
+
+
 def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
     kind, name, replicates = str(case[0]), str(case[1]), int(case[2])
     for seed in seeds:
-        yield _calibrated(name, seed) if kind == "curve" else _known(name, replicates, seed)
+        if kind == "curve":
+            yield _calibrated(name, seed)
+        elif kind == "beside":
+            yield _beside(name, seed)
+        else:
+            yield (_known if kind == "known" else _reference)(name, replicates, seed)
 
 
 def _cases() -> Iterator[Case]:
     yield from (("curve", name, 4) for name in CURVES)
     yield from (("known", name, replicates) for name in KNOWN for replicates in (4, 8))
+    yield from (("reference", name, 4) for name in REFERENCES)
+    yield from (("beside", name, 4) for name in KNOWN)
 
 
 LEVELS = (0.5, 0.9, 0.95)
@@ -288,6 +418,44 @@ def _of_known(rows: Sequence[Row]) -> Iterator[str]:
         yield from lines(head, cells)
 
 
+def _of_references(rows: Sequence[Row]) -> Iterator[str]:
+    own = [row for row in rows if row["kind"] == "reference"]
+    head = ["posterior", "samples", "likelihoods", "error of mean [sd]", "largest [sd]"]
+    head += ["largest [standard errors], median", "sampled well"]
+    cells = []
+    sums = ("count", "likelihoods", "off2", "faulty")
+    for (name,), cell in totals(own, ("name",), sums).items():
+        of_name = [row for row in own if row["name"] == name]
+        cells.append(
+            [
+                name,
+                cell.count,
+                _number(cell.likelihoods / cell.count),
+                f"{math.sqrt(cell.off2 / cell.count):.3f}",
+                f"{max(row['largest'] for row in of_name):.2f}",
+                f"{np.median([row['in_errors'] for row in of_name]):.1f}",
+                f"{per_cent(cell.count - cell.faulty, cell.count)} %",
+            ]
+        )
+    if cells:
+        yield from lines(head, cells)
+
+
+def _of_both(rows: Sequence[Row]) -> Iterator[str]:
+    own = [row for row in rows if row["kind"] == "beside"]
+    head = ["posterior", "samples", "likelihoods", "rounds", "steps of emcee", "error of mean [sd]"]
+    head += ["emcee, stretch", "emcee, differences"]
+    methods = ("own", "stretch", "differences")
+    sums = ("count", "likelihoods", "rounds", "steps", *(f"off2_{each}" for each in methods))
+    cells = []
+    for (name,), cell in totals(own, ("name",), sums).items():
+        off = (math.sqrt(getattr(cell, f"off2_{each}") / cell.count) for each in methods)
+        numbers = (_number(getattr(cell, key) / cell.count) for key in sums[1:4])
+        cells.append([name, cell.count, *numbers, *(f"{each:.3f}" for each in off)])
+    if cells:
+        yield from lines(head, cells)
+
+
 def _failing(rows: Sequence[Row]) -> Iterator[str]:
     for name, below in _places(rows).items():
         held = (abs(below - 0.5) <= 0.45).mean()
@@ -302,7 +470,13 @@ def _failing(rows: Sequence[Row]) -> Iterator[str]:
                 yield f"{key}, {what}: {per_cent(held, cell.count)} %"
 
 
-TABLE = SeedTable(KEYS, _cases, _rows, {"curves": _curves, "known posteriors": _of_known}, _failing)
+TABLES = {
+    "curves": _curves,
+    "known posteriors": _of_known,
+    "published posteriors": _of_references,
+    "posteriors by emcee": _of_both,
+}
+TABLE = SeedTable(KEYS, _cases, _rows, TABLES, _failing)
 
 if __name__ == "__main__":
     sys.exit(TABLE.main(__doc__))

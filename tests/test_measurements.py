@@ -145,6 +145,16 @@ def test_shares_are_of_the_value_of_the_model(tmp_path):
     exact = stats.norm.logpdf(found.values, at, np.sqrt([0.25, 0.09, 0.13, 0.1])).sum()
     assert value == pytest.approx(exact)
     assert np.isnan(found.log_likelihood(np.array([[1.0, np.nan, 1, 1]]))).all()
+    # Many draws at once are as each by itself.
+    many = np.random.default_rng(1).normal(3, 2, (50, 4))
+    each = [found.log_likelihood(draw[np.newaxis])[0] for draw in many]
+    assert found.log_likelihood(many).tolist() == each
+
+
+def test_a_share_of_a_result_that_is_0_allows_no_other_value(tmp_path):
+    found = measured(tmp_path, LINE.replace("std = 0.2", 'std = "10 %"'))
+    values = found.log_likelihood(np.array([[1.0, 3, 5, 7], [0.0, 3, 5, 7]]))
+    assert np.isfinite(values).tolist() == [True, False]
 
 
 def test_places_between_coordinates_are_linear(tmp_path):

@@ -1,6 +1,7 @@
 """Posteriors: exact ones, two modes, failed runs, interruption, and what the replicates say."""
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -21,9 +22,14 @@ from uqpen.designs.posterior import (
     largest_correlation,
     sample_posterior,
 )
+from uqpen.results.calibrations import posterior_statements
 from uqpen.results.json import archive_json
 from uqpen.results.output_tables import output_tables
-from uqpen.statistics.posterior import PosteriorSample, rank_normalised_rhat
+from uqpen.statistics.posterior import (
+    PosteriorSample,
+    conditional_log_densities,
+    rank_normalised_rhat,
+)
 
 calibration = pytest.importorskip(
     "posterior_calibration", reason="the folder of benchmarks is not here"
@@ -262,8 +268,11 @@ def test_a_study_keeps_the_posterior_of_a_line(tmp_path):
 
 def test_groups_are_those_that_arviz_reads(tmp_path):
     kept = calibrated(tmp_path, POSTERIOR)["calibrations/fit"]
-    groups = ["posterior", "posterior_predictive", "prior", "prior_predictive"]
+    groups = ["posterior", "posterior_predictive", "log_likelihood", "prior", "prior_predictive"]
     assert [*kept.children] == [*groups, "observed_data", "sample_stats"]
+    # Errors are independent, so the rows' parts add up to the whole.
+    rows, whole = kept["log_likelihood/y"], kept["sample_stats/log_likelihood"]
+    assert rows.sum("y_row").values == pytest.approx(whole.values)
     assert kept["posterior/a"].dims == ("chain", "draw")
     assert kept["posterior/a"].mean() == pytest.approx(kept["posterior_mean"].values[0, 0])
     assert kept["observed_data/y"].values.tolist() == [1.1, 2.9, 5.2, 6.8]
@@ -271,6 +280,15 @@ def test_groups_are_those_that_arviz_reads(tmp_path):
     assert drawn.dims == ("chain", "draw", "y_row")
     at_0 = drawn.values[..., 0]
     assert at_0.std() == pytest.approx(math.hypot(0.1673, 0.2), rel=0.12)
+
+
+def test_the_density_of_an_error_is_that_given_the_others():
+    covariance = np.array([[2.0, 0.8, 0.3], [0.8, 1.0, -0.2], [0.3, -0.2, 0.5]])
+    errors, whole = np.array([0.4, -1.0, 0.3]), stats.multivariate_normal(cov=covariance)
+    for row, found in enumerate(conditional_log_densities(errors, covariance)):
+        others = [each for each in range(3) if each != row]
+        rest = stats.multivariate_normal(cov=covariance[np.ix_(others, others)])
+        assert found == pytest.approx(whole.logpdf(errors) - rest.logpdf(errors[others]))
 
 
 def test_an_input_that_varies_is_new_in_each_experiment(tmp_path):
@@ -336,8 +354,27 @@ def test_too_few_particles_for_what_varies_are_refused(tmp_path):
         uqpen.parse_study(text, folder=tmp_path)
 
 
+def test_the_page_says_what_a_posterior_says(tmp_path):
+    ((_, text),) = posterior_statements(calibrated(tmp_path, POSTERIOR))
+    assert re.search(r"^The measurements of line leave a = 1\.\d+ .*, b = 1\.\d+ ", text)
+    assert " sampled well" in text
+    model = "def line(a, b):\n    return {'y': [float('nan') if b % 1 > 0.9 else a] * 5}\n"
+    ((_, text),) = posterior_statements(calibrated(tmp_path, POSTERIOR, model))
+    assert re.search(r"^\d+% of the runs around the posterior failed, and are left out", text)
+    assert "They say nothing on b." in text
+
+
+def test_measurements_of_nothing_unknown_are_refused(tmp_path):
+    text = POSTERIOR.replace('unknown = ["a", "b"]', 'fixed = ["a", "b"]')
+    (tmp_path / "line.py").write_text(MODEL)
+    with pytest.raises(StudyError, match=r"found +nothing that is unknown"):
+        uqpen.parse_study(text, folder=tmp_path)
+
+
 def test_why_there_is_no_posterior_stands_in_its_place(tmp_path):
     tree = calibrated(tmp_path, POSTERIOR + "at_most = 3_000\n")
+    ((_, text),) = posterior_statements(tree)
+    assert text.startswith("No posterior: ")
     (table,) = [each for each in output_tables(tree) if each.title == "fit: posterior"]
     assert "raise at_most" in "".join(table.notes)
 

@@ -410,7 +410,11 @@ class Posterior(MeasuredDesign):
     def check_inputs(self, joint: JointDistribution) -> Iterator[Problem]:
         if not self.experiments.count:
             return  # the mistake of its measurements is noted
-        dimension = PriorCoordinates(joint, self.experiments).dimension
+        prior = PriorCoordinates(joint, self.experiments)
+        dimension = prior.dimension
+        if not prior.unknowns:
+            expected = "measurements with an unknown input, or with errors of unknown size"
+            yield Problem(("measured",), "nothing that is unknown", expected)
         if self.particles < (least := _PARTICLES_OF_EACH * dimension):
             expected = f"at least {least}, {_PARTICLES_OF_EACH} for each of {dimension} unknowns: "
             expected += "inputs, sizes of errors, and each value of what varies"

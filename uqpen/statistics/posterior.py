@@ -32,7 +32,7 @@ from uqpen.designs.posterior import (
     largest_correlation,
     log_likelihoods,
 )
-from uqpen.measurements import Experiments
+from uqpen.measurements import EXACTLY, Experiments
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import LEVEL, Estimate
 from uqpen.statistics.intervals import student_interval
@@ -367,14 +367,24 @@ def arviz_groups(
         )
         rng = stream.generator(group)
         drawn = predicted[numbers]
+        left_out = np.full(drawn.shape, np.nan)
         for at, number in np.ndenumerate(numbers):
             normal = rng.standard_normal(drawn.shape[-1])
             if np.isfinite(predicted[number]).all():
                 covariance = measured.covariance(predicted[number], stds[number])
-                drawn[at] += np.linalg.cholesky(covariance) @ normal
+                variances, axes = np.linalg.eigh(covariance)
+                drawn[at] += axes @ (np.sqrt(np.maximum(variances, 0)) * normal)
+                if group == "posterior":
+                    off = measured.values - predicted[number]
+                    left_out[at] = conditional_log_densities(off, covariance)
         yield f"{group}_predictive", _rows_dataset(measured, drawn, _CHAINS)
+        if group == "posterior" and (measured.censoring == EXACTLY).all():
+            yield "log_likelihood", _rows_dataset(measured, left_out, _CHAINS)
     yield "observed_data", _rows_dataset(measured, measured.values, ())
-    statistics = {"lp": sample.log_likelihood, "draw_number": np.arange(len(sample.values))}
+    statistics = {
+        "log_likelihood": sample.log_likelihood,
+        "draw_number": np.arange(len(sample.values)),
+    }
     yield (
         "sample_stats",
         xr.Dataset(
@@ -382,6 +392,20 @@ def arviz_groups(
             _along_chains(sample.runs.shape),
         ),
     )
+
+
+def conditional_log_densities(errors: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return the logarithm of the density of each normal error given all others, shape (row,).
+
+    References
+    ----------
+    Bürkner, P.-C., Gabry, J. & Vehtari, A. (2021). Computational Statistics 36, 1243-1261.
+    """
+    inverse = np.linalg.inv(covariance)
+    variance = 1 / np.diag(inverse)
+    off = variance * (inverse @ errors)
+    density: FloatArray = -0.5 * (off**2 / variance + np.log(2 * math.pi * variance))
+    return density
 
 
 _CHAINS = ("chain", "draw")
