@@ -189,6 +189,17 @@ def test_blank_entries_were_not_measured_and_groups_may_be_words(tmp_path):
     assert output.lines.tolist() == [1, 3, 4]
 
 
+def test_an_experiment_of_which_nothing_was_measured_has_no_runs(tmp_path):
+    rows = "x,b,y,sd\n0,1,1.1,0.1\n1,2,,0.1\n2,3,2.9,0.2\n"
+    text = LINE.replace("[measured.line.table]\nx = [0, 1, 2, 3]\ny = [1.1, 2.9, 5.2, 6.8]\n", "")
+    key = 'file = "rows.csv"\nconditions = ["b"]\nunknown = ["a"]'
+    found = measured(tmp_path, text.replace('unknown = ["a", "b"]', key), rows=rows)
+    assert found.count == 2
+    assert found.experiment.tolist() == [0, 1]
+    (section,) = found.sections
+    assert section.conditions["b"].tolist() == [1.0, 3.0]
+
+
 def test_rows_are_known_by_value_in_another_order(tmp_path):
     (one,) = from_file(tmp_path, ROWS).sections
     head, *rows = ROWS.splitlines()

@@ -144,6 +144,16 @@ def _read_section(name: str, section: TableReader, model: Model) -> MeasuredOutp
     measured = [of_output for of_output in read_outputs if of_output is not None]
     if len(measured) < len(tables):
         return None
+    # An experiment of which nothing was measured has no runs.
+    kept, numbers = np.unique(
+        np.concatenate([each.experiment for each in measured]), return_inverse=True
+    )
+    ends = np.cumsum([len(each.experiment) for each in measured])[:-1]
+    measured = [
+        replace(each, experiment=own)
+        for each, own in zip(measured, np.split(numbers, ends), strict=True)
+    ]
+    first = first[kept]
     return MeasuredOutputs(
         name,
         tuple(roles["unknown"]),
