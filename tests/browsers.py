@@ -42,3 +42,9 @@ def wait_for_charts(page: Page, theme: str = "light") -> None:
     """Until all charts of a report that are not folded are drawn in a theme."""
     missing = f".plot:not([data-drawn={theme}], details:not([open]) *)"
     page.wait_for_selector(f"html[data-ready=yes]:not(:has({missing}))", state="attached")
+
+
+def settle(page: Page) -> None:
+    """Wait until the charts have followed what was moved last."""
+    page.evaluate("() => new Promise((done) => setTimeout(() => requestAnimationFrame(done), 20))")
+    page.evaluate("() => new Promise((done) => requestAnimationFrame(done))")

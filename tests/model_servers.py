@@ -16,6 +16,15 @@ from urllib.request import ProxyHandler, Request, build_opener
 
 from uqpen.server import ModelServer, RunBudget, ServedModel
 
+# Has the documented server listen on a free port, and for this machine alone.
+LISTENING = """\
+import socket
+from aiohttp import web
+listening, run_app = socket.create_server(("127.0.0.1", 0)), web.run_app
+print(listening.getsockname()[1], flush=True)
+web.run_app = lambda app, port: run_app(app, sock=listening, print=None)
+"""
+
 
 @contextlib.contextmanager
 def offering(*offers: ServedModel, budget: RunBudget | None = None) -> Iterator[str]:

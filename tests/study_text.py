@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
-__all__ = ["study_text"]
+__all__ = ["ONE_INPUT", "TWO_INPUTS", "study_text"]
 
 
 def study_text(model: Any = None, **tables: Any) -> str:
@@ -45,3 +45,23 @@ def _value(value: Any) -> str:
     if isinstance(value, list):
         return f"[{', '.join(map(_value, value))}]"
     return json.dumps(value, ensure_ascii=False)
+
+
+# Studies of a model that a test writes, by the number of its inputs.
+ONE_INPUT = study_text(
+    {"python": "model.py:simulate", "noise": False, "inputs": {"x": "1"}, "outputs": {"y": "m"}},
+    seed=3,
+    inputs={"x": "0 ± 1"},
+    designs={"some": {"kind": "monte-carlo", "runs": 50}},
+)
+TWO_INPUTS = study_text(
+    {
+        "python": "model.py:simulate",
+        "noise": False,
+        "inputs": {"x": "1", "y": "m"},
+        "outputs": {"z": "m"},
+    },
+    seed=11,
+    inputs={"x": "0 ± 1", "y": "(0 ± 1) m"},
+    designs={"one": {"kind": "monte-carlo", "runs": 30}},
+)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from model_servers import LISTENING
 from page_blocks import ROOT, blocks_of
 from scipy.integrate import solve_ivp
 from test_how_to import check_shown, output_of, write_file
@@ -20,15 +21,6 @@ pytestmark = [
 
 PAGE = ROOT / "docs" / "fields.md"
 TEXT = PAGE.read_text(encoding="utf-8")
-
-# Has the documented server listen on a free port, and for this machine alone.
-LISTENING = """\
-import socket
-from aiohttp import web
-listening, run_app = socket.create_server(("127.0.0.1", 0)), web.run_app
-print(listening.getsockname()[1], flush=True)
-web.run_app = lambda app, port: run_app(app, sock=listening, print=None)
-"""
 
 
 def section(title):

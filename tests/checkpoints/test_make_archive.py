@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from study_calls import StudyCalls
-from study_text import study_text
+from study_text import TWO_INPUTS
 
 import uqpen
 from uqpen.checkpoints.folder import lock_archive
@@ -46,18 +46,7 @@ def simulate(x, y):
         raise ValueError("x is too large")
     return {"z": x * y}
 """
-STUDY = study_text(
-    {
-        "python": "model.py:simulate",
-        "noise": False,
-        "inputs": {"x": "1", "y": "m"},
-        "outputs": {"z": "m"},
-    },
-    title="Interrupted",
-    seed=11,
-    inputs={"x": "0 ± 1", "y": "(0 ± 1) m"},
-    designs={"one": {"kind": "monte-carlo", "runs": 30}},
-)
+STUDY = f'title = "Interrupted"\n{TWO_INPUTS}'
 OTHER = """\
 [designs.other]
 kind = "latin-hypercube"

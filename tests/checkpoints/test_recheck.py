@@ -10,7 +10,7 @@ import sys
 
 import numpy as np
 import pytest
-from study_text import study_text
+from study_text import TWO_INPUTS as STUDY
 
 import uqpen
 from uqpen.archive.read import open_archive
@@ -40,17 +40,6 @@ def simulate(x, y):
         raise ZeroDivisionError(f"another cause at {x}")
     return {"z": x * y * hidden + (random.random() if hidden == 5 else 0)}
 """
-STUDY = study_text(
-    {
-        "python": "model.py:simulate",
-        "noise": False,
-        "inputs": {"x": "1", "y": "m"},
-        "outputs": {"z": "m"},
-    },
-    seed=11,
-    inputs={"x": "0 ± 1", "y": "(0 ± 1) m"},
-    designs={"one": {"kind": "monte-carlo", "runs": 30}},
-)
 ASKED = STUDY.replace("[designs.one]", "[outputs.z]\nquantiles = [0.2]\n[designs.one]")
 VECTORIZED = STUDY.replace("[inputs]", "vectorized = true\n[inputs]", 1)
 EQUAL = "model.py is the same; 30 of 30 runs made again are equal"

@@ -8,7 +8,7 @@ import pytest
 from hashed_trees import with_hashes
 from hypothesis import given
 from hypothesis import strategies as st
-from study_text import study_text
+from study_text import TWO_INPUTS as STUDY
 
 import uqpen
 from uqpen.archive.netcdf import write_tree
@@ -32,17 +32,6 @@ def simulate(x, y):
         stream.write(f"{getattr(x, 'size', 1)}\\n")
     return {"z": 1 / (x > -1) * x * y}
 """
-STUDY = study_text(
-    {
-        "python": "model.py:simulate",
-        "noise": False,
-        "inputs": {"x": "1", "y": "m"},
-        "outputs": {"z": "m"},
-    },
-    seed=11,
-    inputs={"x": "0 ± 1", "y": "(0 ± 1) m"},
-    designs={"one": {"kind": "monte-carlo", "runs": 30}},
-)
 VECTORIZED = STUDY.replace("[inputs]", "vectorized = true\n[inputs]", 1)
 
 

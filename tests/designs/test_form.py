@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 import xarray as xr
+from rare_event_studies import probability
 from scipy import special
 
 import uqpen
@@ -28,11 +29,6 @@ def study(function, event, *, inputs=INPUTS, **settings):
     )
     designs = {"rare": uqpen.Form(event=event, **settings)}
     return uqpen.Study(model, inputs, designs=designs, seed=1)
-
-
-def probability(tree):
-    (found,) = tree["joint_probabilities/rare"]["joint_probability"]
-    return found
 
 
 def points_of(tree):

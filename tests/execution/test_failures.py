@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from study_text import study_text
+from study_text import ONE_INPUT as STUDY
 
 import uqpen
 from uqpen.core.errors import StudyError, TooManyFailedError
@@ -30,12 +30,6 @@ def simulate(x):
         raise ValueError("too small")
     return {"y": x}
 """
-STUDY = study_text(
-    {"python": "model.py:simulate", "noise": False, "inputs": {"x": "1"}, "outputs": {"y": "m"}},
-    seed=3,
-    inputs={"x": "0 ± 1"},
-    designs={"some": {"kind": "monte-carlo", "runs": 50}},
-)
 
 
 @pytest.fixture

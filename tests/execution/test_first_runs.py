@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from study_text import ONE_INPUT as STUDY
 from study_text import study_text
 
 import uqpen
@@ -19,12 +20,6 @@ from uqpen.execution.first_runs import FirstRuns
 from uqpen.execution.processes import processes
 from uqpen.models.known_functions import Ishigami
 
-STUDY = study_text(
-    {"python": "model.py:simulate", "noise": False, "inputs": {"x": "1"}, "outputs": {"y": "m"}},
-    seed=3,
-    inputs={"x": "0 ± 1"},
-    designs={"some": {"kind": "monte-carlo", "runs": 50}},
-)
 ALL_FAIL = "def simulate(x):\n    raise ValueError(f'no convergence at {x}')\n"
 HALF_FAIL = "def simulate(x):\n    if x < 0:\n        raise ValueError('negative')\n    return x\n"
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from model_servers import LISTENING
 
 import uqpen
 from uqpen.core.errors import StudyError
@@ -446,16 +447,6 @@ def test_an_archive_that_is_not_trusted_asks_no_server(command_line, tmp_path):
     refused = command_line("rerun", "study.nc", "-o", "again.nc")
     assert refused.code == 2
     assert f"its study executes code that it names: {address}" in refused.err
-
-
-# Has the documented server listen on a free port, and for this machine alone.
-LISTENING = """\
-import socket
-from aiohttp import web
-listening, run_app = socket.create_server(("127.0.0.1", 0)), web.run_app
-print(listening.getsockname()[1], flush=True)
-web.run_app = lambda app, port: run_app(app, sock=listening, print=None)
-"""
 
 
 def test_the_documented_example_runs_and_is_right(tmp_path):

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from axe_playwright_python.sync_playwright import Axe
+from browsers import settle
 from hashed_trees import with_hashes
 from matplotlib.image import imread
 from study_text import study_text
@@ -267,12 +268,6 @@ def page(show):
     page.evaluate("document.querySelectorAll('#curves details').forEach((e) => { e.open = true; })")
     page.wait_for_selector("html[data-ready=yes]:not(:has(#curves .plot:not([data-drawn])))")
     return page
-
-
-def settle(page):
-    """Wait until the charts have followed what was moved last."""
-    page.evaluate("() => new Promise((done) => setTimeout(() => requestAnimationFrame(done), 20))")
-    page.evaluate("() => new Promise((done) => requestAnimationFrame(done))")
 
 
 # Whether all charts that are seen have their marker at a place.

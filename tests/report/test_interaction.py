@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from axe_playwright_python.sync_playwright import Axe
-from browsers import IDLE
+from browsers import IDLE, settle
 from hashed_trees import with_hashes
 from study_text import study_text
 
@@ -92,18 +92,12 @@ def page(show):
     return page
 
 
-def _settle(page):
-    """Wait until the charts have followed what was moved last."""
-    page.evaluate("() => new Promise((done) => setTimeout(() => requestAnimationFrame(done), 20))")
-    page.evaluate("() => new Promise((done) => requestAnimationFrame(done))")
-
-
 def _type(page, form, text):
     """Type a threshold; the answer."""
     box = page.locator(".threshold:not(line)").nth(form)
     box.fill(text)
     box.press("Enter")
-    _settle(page)
+    settle(page)
     return page.locator(".readout").nth(form).inner_text()
 
 
@@ -179,7 +173,7 @@ class TestThreshold:
         assert page.evaluate("document.getElementById('scatter').getBoundingClientRect().top") < 200
         # Charts that come near are drawn, and those of the threshold follow, before the click.
         page.wait_for_selector("html[data-ready=yes]")
-        _settle(page)
+        settle(page)
         page.locator("nav li a").first.click()
         page.wait_for_function(
             "() => decodeURIComponent(location.hash).startsWith('#answer&y>0.55_m')"
@@ -253,7 +247,7 @@ class TestSelection:
         name = page.evaluate(focused)[0]
         for _ in range(5):
             page.keyboard.press("PageDown" if name == "z" else "PageUp")
-        _settle(page)
+        settle(page)
         lower = float(page.evaluate("document.activeElement.getAttribute('aria-valuenow')"))
         column = {"a": values.a, "=": values.b}[name]
         count = int((column >= lower).sum())
@@ -264,7 +258,7 @@ class TestSelection:
         assert page.locator(".parallel .in:not(.failed)").count() == count
         chart = page.locator("#scatter .charts .plot").first
         chart.scroll_into_view_if_needed()
-        _settle(page)
+        settle(page)
         assert chart.evaluate(IN_FRONT) == count
         handle = page.locator(".handle:focus")
         page.keyboard.press("Escape")
@@ -279,13 +273,13 @@ class TestSelection:
         page.mouse.move(box["x"] + 0.6 * box["width"], box["y"] + box["height"] - 2, steps=4)
         page.mouse.up()
         page.wait_for_function("() => document.querySelectorAll('.parallel .chosen').length === 1")
-        _settle(page)
+        settle(page)
         count = int(page.locator(".told").inner_text().split(" ")[0])
         assert 0 < count < values.y.size
         assert page.locator(".parallel .in:not(.failed)").count() == count
         for other in page.locator("#scatter .charts .plot").all()[:2]:
             other.scroll_into_view_if_needed()
-            _settle(page)
+            settle(page)
             assert other.evaluate(IN_FRONT) == count
         page.get_by_role("button", name="Select all runs").click()
         page.wait_for_function("() => document.querySelectorAll('.parallel .chosen').length === 0")
@@ -305,7 +299,7 @@ class TestSelection:
         for _ in range(5):
             page.keyboard.press("PageDown")
         page.wait_for_function("() => document.querySelectorAll('.parallel .chosen').length === 1")
-        _settle(page)
+        settle(page)
         first = page.locator(".told-runs tbody tr").first.inner_text().split("\t")
         assert (first[0], first[-1]) == ("a [m]", "0.00")
 
