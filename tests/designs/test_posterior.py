@@ -129,7 +129,7 @@ def test_failed_runs_are_refused_and_counted():
     evidence = np.trapezoid(weight, x)
     assert found.mean.value[0] == pytest.approx(np.trapezoid(x * weight, x) / evidence, abs=0.02)
     assert found.log_evidence.value == pytest.approx(math.log(evidence), abs=0.05)
-    assert "of the runs around the posterior failed" in found.failure_note
+    assert "of the draws around the posterior failed" in found.failure_note
 
 
 def test_where_the_runs_are_too_few_there_is_no_posterior():
@@ -360,8 +360,37 @@ def test_the_page_says_what_a_posterior_says(tmp_path):
     assert " sampled well" in text
     model = "def line(a, b):\n    return {'y': [float('nan') if b % 1 > 0.9 else a] * 5}\n"
     ((_, text),) = posterior_statements(calibrated(tmp_path, POSTERIOR, model))
-    assert re.search(r"^\d+% of the runs around the posterior failed, and are left out", text)
+    assert re.search(r"^\d+% of the draws around the posterior failed, and are left out", text)
     assert "They say nothing on b." in text
+
+
+def test_experiments_whose_runs_fail_are_named(tmp_path):
+    text = POSTERIOR.replace('unknown = ["a", "b"]', 'conditions = ["b"]\nunknown = ["a"]')
+    text = text.replace("x = [0, 1, 2, 3]", "b = [1, 2, 3, 4]\nx = [0, 0, 0, 0]")
+    fails = "float('nan') if b == 3 and a % 0.1 < 0.03 else a"
+    model = f"def line(a, b):\n    return {{'y': [{fails}] * 5}}\n"
+    tree = calibrated(tmp_path, text.replace("std = 0.2", "std = 2"), model)
+    shares = tree["calibrations/fit/experiment_failed_share"].values
+    assert shares == pytest.approx([0, 0, 0.3, 0], abs=0.05)
+    ((_, text),) = posterior_statements(tree)
+    assert re.search(r"Failed runs are mostly of experiments 3 \(\d\d%\)\.", text)
+
+
+def test_priors_may_depend_on_each_other(tmp_path):
+    text = POSTERIOR.replace("[0, 1, 2, 3, 5]", "[0]").replace("x = [0, 1, 2, 3]", "x = [0]")
+    text = text.replace("y = [1.1, 2.9, 5.2, 6.8]", "y = [10]").replace("std = 0.2", "std = 1")
+    pair = 'pairs = [{ inputs = ["a", "b"], correlation = 0.8 }]'
+    head = f'[dependence]\ncopula = "gaussian"\nof = "normal-scores"\n{pair}\n'
+    model = "def line(a, b):\n    return {'y': [a]}\n"
+    kept = calibrated(tmp_path, text.replace("[measured.line]", f"{head}[measured.line]", 1), model)
+    kept = kept["calibrations/fit"]
+    # Of two normal inputs, what is measured of one teaches the other by their correlation.
+    weight = 100 / 101
+    std = 10 * np.sqrt(1 - np.array([1, 0.64]) * weight)
+    # Of 800 draws at least 400 are effective.
+    off = kept["posterior_mean"].values[:, 0] - np.array([10, 8]) * weight
+    assert np.all(np.abs(off) < 0.15 * std)
+    assert kept["posterior_std"].values[:, 0] == pytest.approx(std, rel=0.12)
 
 
 def test_measurements_of_nothing_unknown_are_refused(tmp_path):

@@ -27,6 +27,7 @@ from uqpen.core.labels import (
     DESIGN_POINT,
     EVENT,
     EXCEEDANCE,
+    EXPERIMENT,
     INPUT,
     INPUT_SHARE,
     INTERVAL,
@@ -1061,6 +1062,13 @@ CALIBRATION_STATISTICS = _by_name(
         *(
             Statistic(name, title, (UNKNOWN,), has_bounds=False)
             for name, title in _OF_UNKNOWNS_POSTERIOR.items()
+        ),
+        Statistic(
+            "experiment_failed_share",
+            "share of failed runs of an experiment around the posterior",
+            (EXPERIMENT,),
+            has_bounds=False,
+            own=EntryDimension(EXPERIMENT, "count"),
         ),
         Statistic("log_evidence", "logarithm of the evidence"),
         *(Statistic(name, title, has_bounds=False) for name, title in _OF_POSTERIOR.items()),

@@ -272,7 +272,7 @@ def _replicate(dimension: int, size: int, stream: Stream) -> Generator[_Wanted, 
     points = ndtri(sobol_points(stream.generator("prior"), size, dimension))
     made = yield points, np.zeros(size), np.full(size, -1), np.full(size, -math.inf)
     completed = np.isfinite(made.log_likelihood)
-    if not has_enough(int(completed.sum()), dimension):
+    if completed.sum() < 4 * (dimension + 1):  # their cloud may lack a direction
         return
     particles, points = made.at(completed), points[completed]
     exponent, level, turn, lengths = 0.0, 0, 0, [1.0, 1.0]
@@ -303,11 +303,6 @@ def _replicate(dimension: int, size: int, stream: Stream) -> Generator[_Wanted, 
                 lengths[turn] = min(longer, _LONGEST[turn])
             is_related = largest_correlation(start, points) > limit
             turn = 1 - turn
-
-
-def has_enough(completed: int, dimension: int) -> bool:
-    """Return whether the completed runs of the prior suffice for a cloud with all directions."""
-    return completed >= 4 * (dimension + 1)
 
 
 # The design: the unknowns of a study, and the particles of its sampler.

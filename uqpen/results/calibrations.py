@@ -13,6 +13,7 @@ from uqpen.core.labels import (
     BOUND,
     CALIBRATIONS,
     COMBINATION,
+    EXPERIMENT,
     MEASURED,
     PROBABILITY,
     RUNS,
@@ -51,6 +52,8 @@ def posterior_statements(tree: xr.DataTree) -> Iterator[tuple[str, str]]:
 
 # A share of failed runs around the posterior that a reader has to know of.
 _MANY_FAILED = 0.05
+# Experiments whose failed runs are named.
+_MOST_NAMED = 3
 # An unknown that has lost less of its prior's standard deviation is not taught.
 _HARDLY_LEARNT = 0.05
 
@@ -61,7 +64,12 @@ def _posterior_sentences(found: Mapping[str, xr.DataArray], runs: xr.Dataset) ->
         yield f"{capitalized(str(mean['note'].values[0]))}."
         return
     if (failed := float(found["posterior_failed_share"])) > _MANY_FAILED:
-        yield f"{failed:.0%} of the runs around the posterior failed, and are left out of it."
+        yield f"{failed:.0%} of the draws around the posterior failed, and are left out of it."
+        shares = found["experiment_failed_share"]
+        if shares.size > 1:
+            often = shares[np.argsort(-shares.values, kind="stable")[:_MOST_NAMED]]
+            named = (f"{int(each[EXPERIMENT])} ({float(each):.0%})" for each in often if each > 0)
+            yield f"Failed runs are mostly of experiments {', '.join(named)}."
     taught, rest = [], []
     for place, name in enumerate(mean[UNKNOWN].values.tolist()):
         if found["learnt"].values[place] < _HARDLY_LEARNT:

@@ -16,13 +16,16 @@ import xarray as xr
 from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.catalogue import CALIBRATION_STATISTICS
 from uqpen.core.labels import (
+    EXPERIMENT,
     LEAST_LOG_LIKELIHOOD,
     LIKELIHOOD_EXPONENT,
     PARENT_DRAW,
     PROBABILITY,
     REPLICATE,
+    STATUS,
     UNKNOWN,
 )
+from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.designs.posterior import (
@@ -323,6 +326,10 @@ def posterior_statistics(
         ("effective_draws", sample.effective_draws),
     ):
         yield name, xr.DataArray(numbers, along, (UNKNOWN,))
+    failed = (runs[STATUS].values != Status.OK).reshape(-1, measured.count)
+    shares = failed[sample.sampled.exponent == 1].mean(axis=0)
+    numbered = {EXPERIMENT: np.arange(1, measured.count + 1)}
+    yield "experiment_failed_share", xr.DataArray(shares, numbered, (EXPERIMENT,))
     described["long_name"] = CALIBRATION_STATISTICS["log_evidence"].title
     yield "log_evidence", sample.log_evidence.to_array(**described)
     for name, value in (

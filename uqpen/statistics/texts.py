@@ -491,7 +491,7 @@ UNFINISHED_POSTERIOR = (
     "no posterior: with {runs} points, the likelihood counts by the power {exponent:.2g} so far; "
     "raise at_most"
 )
-FAILED_AT_POSTERIOR = "{share:.0%} of the runs around the posterior failed, and are left out of it"
+FAILED_AT_POSTERIOR = "{share:.0%} of the draws around the posterior failed, and are left out of it"
 REPLICATES_DIFFER = "the replicates differ: R-hat is {rhat:.3f}, not below 1.01"
 FEW_EFFECTIVE_DRAWS = "the mean is known to {error:.0%} of the standard deviation, not to 5 %"
 ENDED_TOO_EARLY = (
