@@ -93,6 +93,27 @@ kind = "monte-carlo"
 runs = 1000
 """
 
+# Two inputs that measurements teach.
+POSTERIOR = """\
+title = "Ishigami, two inputs from five measured values"
+seed  = 1
+[model]
+use = "ishigami"
+[inputs]
+x1 = 1
+x2 = { uniform = { lower = 0, upper = 1.5 } }
+x3 = { uniform = { lower = 0, upper = 3 } }
+[measured.rows]
+conditions = ["x1"]
+unknown    = ["x2", "x3"]
+table      = { x1 = [-2, -1, 0, 1, 2], y = [2.1, 1.9, 5.3, 8.3, 7.5] }
+y          = { std = 0.5 }
+[designs.posterior]
+kind      = "posterior"
+measured  = ["rows"]
+particles = 200
+"""
+
 # Numbers of runs of shipped studies, and of the gallery's.
 FEWER = {"10_000": "1_000", "8_192": "1_024", "5_000": "400", "2_000": "100"}
 
@@ -112,6 +133,8 @@ SHOWN: Mapping[str, tuple[str, Mapping[str, str]]] = {
     "velocity-profile": ("concrete", {}),
     "models": ("rods", {"output": "penetration_depth"}),
     "sweep": ("sweep", {"output": "y"}),
+    "measurements": ("rod_measurements", {}),
+    "posterior": ("posterior", {}),
     "trajectory": ("rods", {}),
     "fan": ("rod_course", {"output": "tail_velocity_at_depth"}),
     "model-curves": ("rod_course", {"output": "tail_velocity_at_depth"}),
@@ -128,6 +151,8 @@ COMMANDS = {
     "plate": "uqpen study plate.toml",
     "interval": "uqpen study interval.toml",
     "sweep": "uqpen study sweep.toml",
+    "rod_measurements": "uqpen study studies/rod_measurements.toml",
+    "posterior": "uqpen study posterior.toml",
     "ishigami_compare": "uqpen compare studies/ishigami.toml",
 }
 
@@ -159,6 +184,8 @@ def archives(folder: Path) -> Mapping[str, Callable[[], xr.DataTree]]:
         "plate": lambda: uqpen.run(plate(folder)),
         "interval": lambda: uqpen.run(uqpen.parse_study(INTERVAL, name="interval")),
         "sweep": lambda: uqpen.run(uqpen.parse_study(SWEEP, name="sweep")),
+        "rod_measurements": lambda: uqpen.run(with_fewer_runs("rod_measurements")),
+        "posterior": lambda: uqpen.run(uqpen.parse_study(POSTERIOR, name="posterior")),
         "ishigami_compare": lambda: uqpen.compare(with_fewer_runs("ishigami"), settings),
     }
 

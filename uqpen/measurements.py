@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
 from typing import TYPE_CHECKING, Any
@@ -26,10 +26,56 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class UnknownSize:
-    """Standard deviation of measurements that is not known, but for a half-normal prior."""
+    """Number of the errors that is not known, but for a half-normal prior."""
 
     name: str
-    scale: float  # of the half-normal distribution, in the SI unit of the output
+    scale: float  # of the half-normal distribution, in SI units
+    unit: str  # its SI unit
+    like: str  # output, input or dimension in whose unit it is shown
+
+
+@dataclass(frozen=True, eq=False)
+class Discrepancy:
+    """Error of the model itself along a condition or a dimension: a Gaussian process.
+
+    Its covariance is squared exponential.
+
+    References
+    ----------
+    Brynjarsdóttir, J. & O'Hagan, A. (2014). Inverse Problems 30, 114007.
+    """
+
+    along: str  # name of the condition or the dimension
+    places: FloatArray  # (row,): in SI units
+    std: UnknownSize
+    length: UnknownSize
+    zero_at: float | None = None  # place at which the model is known to be right
+
+    def kernel(
+        self, one: FloatArray, other: FloatArray, std: FloatArray, length: FloatArray
+    ) -> FloatArray:
+        """Return the covariance of the errors at some places with those at others.
+
+        Parameters
+        ----------
+        one, other : ndarray, shapes (place,) and (other place,)
+        std, length : ndarray, shape (...)
+
+        Returns
+        -------
+        ndarray, shape (..., place, other place)
+        """
+
+        def correlation(first: FloatArray, second: FloatArray) -> FloatArray:
+            apart = np.subtract.outer(first, second) / length[..., np.newaxis, np.newaxis]
+            found: FloatArray = np.exp(-0.5 * apart**2)
+            return found
+
+        found = correlation(one, other)
+        if self.zero_at is not None:  # given that it is 0 there
+            known = np.array([self.zero_at])
+            found = found - correlation(one, known) * correlation(known, other)
+        return std[..., np.newaxis, np.newaxis] ** 2 * found
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +97,13 @@ class MeasurementErrors:
     lengths: Mapping[str, float] = field(default_factory=dict)
     matrix: FloatArray | None = None  # (row, row): the covariance of all rows, in place of the rest
     freedom: float = math.inf  # degrees of freedom of a size that follows from repeats
+    discrepancy: Discrepancy | None = None  # the error of the model itself, if it may have one
+
+    @property
+    def sizes(self) -> tuple[UnknownSize, ...]:
+        """Numbers that are not known: of the errors of measurement, then of the model's own."""
+        own, of = () if self.size is None else (self.size,), self.discrepancy
+        return own if of is None else (*own, of.std, of.length)
 
     @property
     def depends_on_model(self) -> bool:
@@ -58,24 +111,38 @@ class MeasurementErrors:
         shared = self.shared_share is not None and bool(self.shared_share.any())
         return self.matrix is None and (shared or bool(self.share.any()))
 
+    def model_covariance(self, sizes: FloatArray) -> FloatArray:
+        """Return the covariance of the model's own error, shape (..., row, row) or (row, row).
+
+        `sizes` are values of those numbers, shape (size, ...).
+        """
+        rows = len(self.std)
+        if self.discrepancy is None:
+            return np.zeros((rows, rows))
+        places = self.discrepancy.places
+        return self.discrepancy.kernel(places, places, *sizes[-2:])
+
     def covariance(
-        self, predicted: FloatArray, size: FloatArray, correlation: FloatArray
+        self, predicted: FloatArray, sizes: FloatArray, correlation: FloatArray
     ) -> FloatArray:
-        """Return the covariance of the errors, shape (..., row, row).
+        """Return the covariance of measured values about the model, shape (..., row, row).
 
         Parameters
         ----------
         predicted : ndarray, shape (..., row)
             Results of the model.
-        size : ndarray, shape (...)
-            The unknown standard deviation, 0 where there is none.
+        sizes : ndarray, shape (size, ...)
+            Values of the numbers that are not known.
         correlation : ndarray, shape (row, row)
             Correlation of the independent part.
         """
+        of_model = self.model_covariance(sizes)
         if self.matrix is not None:
-            return self.matrix
-        own = np.sqrt(self.std**2 + (self.share * predicted) ** 2 + size[..., np.newaxis] ** 2)
-        found: FloatArray = correlation * _outer(own)
+            return self.matrix + of_model
+        variance = self.std**2 + (self.share * predicted) ** 2
+        if self.size is not None:
+            variance = variance + sizes[0][..., np.newaxis] ** 2
+        found: FloatArray = correlation * _outer(np.sqrt(variance)) + of_model
         if self.group is not None and self.shared_std is not None:
             assert self.shared_share is not None
             shared = np.sqrt(self.shared_std**2 + (self.shared_share * predicted) ** 2)
@@ -172,6 +239,13 @@ class MeasuredOutputs:
     source: str = ""  # where they were published
     file: FileSnapshot | None = None
 
+    def without_discrepancy(self) -> MeasuredOutputs:
+        """Return the same experiments, in which the model has no error of its own."""
+        outputs = (
+            replace(each, errors=replace(each.errors, discrepancy=None)) for each in self.outputs
+        )
+        return replace(self, outputs=tuple(outputs))
+
     @property
     def row_hashes(self) -> list[str]:
         """Hashes of its rows by value, so that the same data are known in another file or order."""
@@ -263,8 +337,25 @@ class Experiments:
 
     @property
     def sizes(self) -> tuple[UnknownSize, ...]:
-        """Standard deviations that are not known, in the order of the outputs that have them."""
-        return tuple(each.errors.size for _, each in self.outputs if each.errors.size is not None)
+        """Numbers of the errors that are not known, in the order of the outputs."""
+        return tuple(size for _, each in self.outputs for size in each.errors.sizes)
+
+    @property
+    def has_discrepancy(self) -> bool:
+        """True if the model may have an error of its own."""
+        return any(each.errors.discrepancy is not None for _, each in self.outputs)
+
+    @property
+    def discrepancy_text(self) -> str:
+        """Outputs whose model may have an error of its own, each with the condition along which."""
+        found = ((each.output.name, each.errors.discrepancy) for _, each in self.outputs)
+        return ", ".join(f"{name} along {of.along}" for name, of in found if of is not None)
+
+    def without_discrepancy(self) -> Experiments:
+        """Return the same experiments, in which the model has no error of its own."""
+        if not self.has_discrepancy:
+            return self
+        return Experiments(tuple(each.without_discrepancy() for each in self.sections))
 
     def measured_rows(self, **statistics: FloatArray) -> Iterator[tuple[str, xr.DataArray]]:
         """Yield all measured values, what is known of them, and statistics of each by name.
@@ -341,6 +432,7 @@ class Experiments:
         (_, first), *others = self.outputs
         errors = first.errors
         alone = errors.shared_std is None and not errors.std.any() and not errors.share.any()
+        alone = alone and errors.discrepancy is None
         return errors.size is not None and alone and not (others or self.moved)
 
     @property
@@ -465,15 +557,31 @@ class Experiments:
         """
         rows = len(self.values)
         found = np.zeros((*predicted.shape[:-1], rows, rows))
-        left = list(np.moveaxis(np.asarray(sizes), -1, 0))
-        for each, own in self.rows:
-            size = left.pop(0) if each.errors.size is not None else np.array(0.0)
-            part = each.errors.covariance(predicted[..., own], size, each.correlation)
+        for each, own, of_output in self._sizes_of(sizes):
+            part = each.errors.covariance(predicted[..., own], of_output, each.correlation)
             found[..., own, own] = part
         if slopes is not None and len(slopes):
             same = np.equal.outer(self.experiment, self.experiment)
             found += (slopes.T @ slopes) * same
         return found
+
+    def model_covariance(self, sizes: FloatArray) -> FloatArray:
+        """Return the covariance of the model's own errors, shape (..., row, row)."""
+        rows = len(self.values)
+        found = np.zeros((*np.shape(sizes)[:-1], rows, rows))
+        for each, own, of_output in self._sizes_of(sizes):
+            found[..., own, own] = each.errors.model_covariance(of_output)
+        return found
+
+    def _sizes_of(
+        self, sizes: FloatArray | Sequence[float]
+    ) -> Iterator[tuple[MeasuredOutput, slice, FloatArray]]:
+        """Yield the measured outputs, each with its rows and its numbers, shape (size, ...)."""
+        values, first = np.moveaxis(np.asarray(sizes, dtype=np.float64), -1, 0), 0
+        for each, own in self.rows:
+            last = first + len(each.errors.sizes)
+            yield each, own, values[first:last]
+            first = last
 
     def likelihood(self, covariance: FloatArray) -> Likelihood:
         """Return the likelihood of results where the covariance of the errors is known."""

@@ -6,6 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from interrupted_study import check_interruptions_and_workers
 from scipy import stats
 
@@ -22,6 +24,7 @@ from uqpen.designs.posterior import (
     largest_correlation,
     sample_posterior,
 )
+from uqpen.measurements import Discrepancy, UnknownSize
 from uqpen.results.calibrations import posterior_statements
 from uqpen.results.json import archive_json
 from uqpen.results.output_tables import output_tables
@@ -34,6 +37,7 @@ from uqpen.statistics.posterior import (
 calibration = pytest.importorskip(
     "posterior_calibration", reason="the folder of benchmarks is not here"
 )
+discrepancy = pytest.importorskip("discrepancy", reason="the folder of benchmarks is not here")
 
 # With so many replicates one mean in 100 is further off than 3 of its standard errors (Student t).
 REPLICATES = 16
@@ -421,3 +425,97 @@ unknown = ["a", "b"]
 std = "0.3 m"
 """
     check_interruptions_and_workers(tmp_path, design, [2, 4])
+
+
+MACHINE = """seed = 1
+[model]
+python = "machine.py:machine"
+vectorized = true
+inputs = { x = "1", theta = "1" }
+outputs = { work = "1" }
+[inputs]
+x = 1
+theta = "0.6 ± 0.3"
+[measured.rows]
+file = "rows.csv"
+conditions = ["x"]
+unknown = ["theta"]
+[measured.rows.work]
+std = 0.01
+[measured.rows.work.discrepancy]
+along = "x"
+std = { half-normal = 0.3 }
+length = { half-normal = 3 }
+[designs.with]
+kind = "posterior"
+measured = ["rows"]
+particles = 150
+[designs.without]
+kind = "posterior"
+measured = ["rows"]
+particles = 100
+discrepancy = false
+"""
+
+
+@pytest.fixture(scope="module")
+def machine(tmp_path_factory):
+    """A model that lacks a term, and what was measured."""
+    folder = tmp_path_factory.mktemp("machine")
+    (folder / "machine.py").write_text("def machine(x, theta):\n    return {'work': theta * x}\n")
+    effort = discrepancy.EFFORT
+    noise = 0.01 * np.random.default_rng(0).standard_normal(len(effort))
+    measured = discrepancy.truth(effort) + noise
+    rows = "".join(
+        f"{x!r},{y!r}\n" for x, y in zip(effort.tolist(), measured.tolist(), strict=True)
+    )
+    (folder / "rows.csv").write_text(f"x,work\n{rows}")
+    return measured, uqpen.run(uqpen.parse_study(MACHINE, folder=folder))
+
+
+def test_an_error_of_the_model_itself_has_its_exact_posterior(machine):
+    measured, tree = machine
+    weights, means, deviations = discrepancy.posterior(measured, discrepancy.SITUATIONS["process"])
+    mean = weights @ means[:, 0]
+    std = np.sqrt(weights @ (deviations[:, 0] ** 2 + means[:, 0] ** 2) - mean**2)
+    found = tree["calibrations/with"]
+    assert found["unknown_input"].values.tolist() == [
+        *("theta", "discrepancy of work"),
+        "length of the discrepancy of work",
+    ]
+    # Four replicates of 150 draws; the grid is off by less.
+    assert found["posterior_mean"].values[0, 0] == pytest.approx(mean, abs=0.2 * std)
+    assert found["posterior_std"].values[0, 0] == pytest.approx(std, rel=0.2)
+    # The model alone is sure of a wrong value, and predictions with its error are right.
+    alone = tree["calibrations/without"]
+    assert alone["posterior_std"].values[0, 0] < 0.1 * std
+    predicted = tree["calibrations/with/posterior_predictive"]["work"].values.reshape(-1, 11)
+    assert np.abs(predicted.mean(axis=0) - discrepancy.truth(discrepancy.EFFORT)).max() < 0.02
+    assert predicted.std(axis=0) == pytest.approx(np.full(11, 0.013), rel=0.3)
+
+
+def test_the_answer_says_what_hangs_on_an_error_of_the_model(machine):
+    _, tree = machine
+    statements = dict(posterior_statements(tree))
+    assert (
+        "may have an error of its own: work along x. Without it (without), " in statements["with"]
+    )
+    assert "error of its own" not in statements["without"]
+    rows = dict(next(t for t in output_tables(tree) if t.title == "with: posterior").rows)
+    assert "length of the discrepancy of work" in rows
+
+
+@given(
+    st.floats(0.1, 10), st.floats(0.1, 10), st.none() | st.floats(-3, 3), st.integers(0, 2**32 - 1)
+)
+def test_the_covariance_of_an_error_of_the_model_is_one(std, length, zero_at, seed):
+    places = np.random.default_rng(seed).uniform(-3, 3, 6)
+    number = UnknownSize("", 1.0, "1", "")
+    of = Discrepancy("x", places, number, number, zero_at)
+    kernel = of.kernel(places, places, np.array(std), np.array(length))
+    assert kernel == pytest.approx(kernel.T)
+    assert np.linalg.eigvalsh(kernel).min() > -1e-9 * std**2
+    assert (np.diag(kernel) <= std**2 * (1 + 1e-12)).all()
+    if zero_at is not None:
+        there = of.kernel(np.array([zero_at]), places, np.array(std), np.array(length))
+        assert np.abs(there).max() < 1e-12 * std**2

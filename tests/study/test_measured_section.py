@@ -64,6 +64,27 @@ TABLE = "x = [0, 1, 2, 3]\ny = [1.1, 2.9, 5.2, 6.8]"
         ("std = 0.2", 'covariance = "none.csv"', "y.covariance: found there is no file"),
         ("std = 0.2", "std = 0.2\nstdd = 3", "y.stdd: found an unknown key"),
         (
+            "std = 0.2",
+            'std = 0.2\ndiscrepancy = { along = "z" }',
+            'discrepancy.along: found "z"; expected a condition or a dimension of y: x',
+        ),
+        (
+            "std = 0.2",
+            'std = 0.2\ndiscrepancy = { along = "x" }',
+            "discrepancy.length: found nothing; expected the length over which it changes",
+        ),
+        (
+            "std = 0.2",
+            'std = 0.2\ndiscrepancy = { along = "x", std = 1, length = { half-normal = 1 } }',
+            "discrepancy.std: found 1; expected its standard deviation, known up to a prior",
+        ),
+        (
+            "std = 0.2",
+            'std = 0.2\ndiscrepancy = { along = "x", std = { half-normal = 1 }, '
+            "length = { half-normal = 1 } }",
+            "fit.measured: found a discrepancy, which takes up whatever the unknowns do not",
+        ),
+        (
             "x = [0, 1, 2, 3]",
             "x = [0, 1, 2, 7]",
             "found x 7 1 in row 4; expected places from 0 to 5",

@@ -1071,6 +1071,13 @@ CALIBRATION_STATISTICS = _by_name(
             own=EntryDimension(EXPERIMENT, "count"),
         ),
         Statistic("log_evidence", "logarithm of the evidence"),
+        Statistic(
+            "unit_like",
+            "variable in whose unit an unknown is shown",
+            (UNKNOWN,),
+            has_bounds=False,
+            kind="text",
+        ),
         *(Statistic(name, title, has_bounds=False) for name, title in _OF_POSTERIOR.items()),
     ]
 )

@@ -88,6 +88,8 @@ PARENT_DRAW = "parent_draw"
 LEAST_LOG_LIKELIHOOD = "least_log_likelihood"
 ERROR_STD = "error_std_{number}"
 WEIGHTED_AT = "weighted_at"
+# Of a posterior: an attribute with what a model has errors of its own along.
+DISCREPANCY = "discrepancy"
 # Distance of a run from the median of all inputs, in standard normal space.
 NORMAL_DISTANCE = "normal_distance"
 # Of an input known by an interval: its ends, in the SI unit.

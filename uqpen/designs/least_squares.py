@@ -950,6 +950,9 @@ class LeastSquares(MeasuredDesign):
     profile: bool = flag(default=True)
 
     def check_inputs(self, joint: JointDistribution) -> Iterator[Problem]:
+        if self.experiments.has_discrepancy:
+            found = "a discrepancy, which takes up whatever the unknowns do not explain"
+            yield Problem(("measured",), found, 'kind = "posterior", where it has a prior')
         entries = {each.variable.name: each.distribution for each in joint.random}
         for name in self.experiments.unknown:
             if name in entries and entries[name].is_discrete:

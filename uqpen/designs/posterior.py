@@ -14,6 +14,7 @@ from scipy.special import erfcinv, erfinv, ndtr, ndtri
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray, rows_by_weight
 from uqpen.core.errors import Problem
 from uqpen.core.labels import (
+    DISCREPANCY,
     DRAW,
     ERROR_STD,
     EXPERIMENT,
@@ -27,7 +28,7 @@ from uqpen.core.labels import (
 from uqpen.core.limits import MOST_REPLICATES
 from uqpen.core.processors import one_blas_thread
 from uqpen.core.sampling import Sampling
-from uqpen.core.settings import count
+from uqpen.core.settings import count, flag
 from uqpen.core.streams import Stream
 from uqpen.designs.at_experiments import MeasuredDesign
 from uqpen.designs.design import NO_STEP_BETWEEN_LABELS, Rounds
@@ -390,6 +391,10 @@ class Posterior(MeasuredDesign):
         Number of draws that each replicate moves from the prior to the posterior.
     replicates : int
         Number of independent replicates. Their scatter gives all errors.
+    at_most : int
+        Largest number of runs.
+    discrepancy : bool
+        Whether the model may have an error of its own, where its measurements state one.
     """
 
     sampling = Sampling.POSTERIOR
@@ -401,6 +406,12 @@ class Posterior(MeasuredDesign):
     particles: int = count(minimum=100, maximum=1_000_000, default=500)
     replicates: int = count(minimum=4, maximum=MOST_REPLICATES, default=4)
     at_most: int = count(minimum=20, default=200_000)
+    discrepancy: bool = flag(default=True)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.discrepancy:
+            object.__setattr__(self, "experiments", self.experiments.without_discrepancy())
 
     def check_inputs(self, joint: JointDistribution) -> Iterator[Problem]:
         if not self.experiments.count:
@@ -450,7 +461,10 @@ class Posterior(MeasuredDesign):
             points = points_dataset(
                 joint, prior.inputs(asked.points), coordinates, runs=size * measured.count
             )
-            feedback = yield points.assign_attrs({MEASURED: measured.name})
+            described = {MEASURED: measured.name}
+            if measured.has_discrepancy:
+                described[DISCREPANCY] = measured.discrepancy_text
+            feedback = yield points.assign_attrs(described)
             (runs,) = feedback.runs.values()
             with one_blas_thread():
                 try:

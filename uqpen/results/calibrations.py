@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -13,6 +14,7 @@ from uqpen.core.labels import (
     BOUND,
     CALIBRATIONS,
     COMBINATION,
+    DISCREPANCY,
     EXPERIMENT,
     MEASURED,
     PROBABILITY,
@@ -37,7 +39,8 @@ def calibration_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
         if "unknown_value" in found:
             yield _unknowns_table(design, found, runs)
             yield _combinations_table(design, found)
-        yield _fit_table(design, found)
+        if (table := _fit_table(design, found)).rows:
+            yield table
 
 
 def posterior_statements(tree: xr.DataTree) -> Iterator[tuple[str, str]]:
@@ -47,7 +50,37 @@ def posterior_statements(tree: xr.DataTree) -> Iterator[tuple[str, str]]:
         found = statistics.of_runs(CALIBRATIONS, design)
         if "posterior_mean" in found:
             runs = read_group(tree, RUNS, design)
-            yield design, " ".join(_posterior_sentences(found, runs))
+            sentences = [*_posterior_sentences(found, runs)]
+            if DISCREPANCY in runs.attrs and "posterior_std" in found:
+                sentences.append(_discrepancy_sentence(tree, found, runs.attrs))
+            yield design, " ".join(sentences)
+
+
+def _discrepancy_sentence(
+    tree: xr.DataTree, found: Mapping[str, xr.DataArray], attributes: Mapping[Any, Any]
+) -> str:
+    """Return what an error of the model itself means for the unknowns."""
+    text = f"The model may have an error of its own: {attributes[DISCREPANCY]}."
+    statistics = SourceStatistics(tree)
+    for design in group_names(tree, CALIBRATIONS):
+        other = statistics.of_runs(CALIBRATIONS, design)
+        described = read_group(tree, RUNS, design).attrs
+        is_without = DISCREPANCY not in described and "posterior_std" in other
+        if not is_without or described[MEASURED] != attributes[MEASURED]:
+            continue
+        moved = []
+        for name in other["posterior_mean"][UNKNOWN].values.tolist():
+            at = {UNKNOWN: name}
+            means = [float(each["posterior_mean"].sel(at)[0]) for each in (found, other)]
+            if abs(means[0] - means[1]) > float(found["posterior_std"].sel(at)[0]):
+                moved.append(name)
+        if moved:
+            return (
+                f"{text} Without it ({design}), {', '.join(moved)} would be elsewhere by more than "
+                "a standard deviation: the values make this model fit, and are no material data."
+            )
+        return f"{text} Without it ({design}), all unknowns are within a standard deviation."
+    return f"{text} How much hangs on it, a second posterior with discrepancy = false would say."
 
 
 # A share of failed runs around the posterior that a reader has to know of.
@@ -75,7 +108,8 @@ def _posterior_sentences(found: Mapping[str, xr.DataArray], runs: xr.Dataset) ->
         if found["learnt"].values[place] < _HARDLY_LEARNT:
             rest.append(name)
             continue
-        unit, convert = _unit_of(name, runs)
+        like = str(found["unit_like"].values[place])
+        unit, convert = _unit_of(name, like, runs)
         at = {UNKNOWN: place}
         ends = [
             float(found["posterior_quantile"][at].sel({PROBABILITY: each}).values[0])
@@ -95,14 +129,12 @@ def _posterior_sentences(found: Mapping[str, xr.DataArray], runs: xr.Dataset) ->
         yield f"The posterior is not sampled well: {faults}."
 
 
-def _unit_of(name: str, runs: xr.Dataset) -> tuple[str, Callable[[FloatArray], FloatArray]]:
+def _unit_of(
+    name: str, like: str, runs: xr.Dataset
+) -> tuple[str, Callable[[FloatArray], FloatArray]]:
     """Return the unit in which an unknown is shown, and its conversion from SI."""
-    if name in runs:
-        unit = shown_unit(runs[name].attrs)
-        return unit, scale(unit).from_si
-    # The standard deviation of an error has the unit of its output.
-    unit = shown_unit(runs[name.removeprefix("std of ")].attrs)
-    return unit, scale(unit).difference_from_si
+    unit = shown_unit(runs[like].attrs)
+    return unit, scale(unit).from_si if like == name else scale(unit).difference_from_si
 
 
 def _posterior_table(
@@ -113,7 +145,7 @@ def _posterior_table(
     names = found["posterior_mean"][UNKNOWN].values.tolist()
     for place, name in enumerate(names):
         at = {UNKNOWN: place}
-        unit, convert = _unit_of(name, runs)
+        unit, convert = _unit_of(name, str(found["unit_like"].values[place]), runs)
         shown = scale(unit)
         cells = [table.cell(found["posterior_mean"][at], convert)]
         if "posterior_std" in found:

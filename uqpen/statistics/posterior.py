@@ -295,6 +295,8 @@ def posterior_statistics(
         "long_name": "unknowns, each in its SI unit",
         "level": level,
     }
+    shown = [*measured.unknown, *(each.like for each in measured.sizes)]
+    yield "unit_like", xr.DataArray(np.array(shown, dtype=object), along, (UNKNOWN,))
     if isinstance(sample, str):
         nothing = Estimate.without_bounds(np.full(len(names), np.nan), sample)
         yield "posterior_mean", nothing.to_array(UNKNOWN, coordinates=along, **described)
@@ -360,7 +362,7 @@ def arviz_groups(
         return
     prior = np.flatnonzero(sample.sampled.exponent == 0).reshape(len(sample.runs), -1)
     units = [str(runs[name].attrs["units"]) for name in measured.unknown]
-    units += [each.output.unit for _, each in measured.outputs if each.errors.size is not None]
+    units += [each.unit for each in measured.sizes]
     predicted, stds = measured.predicted(runs), error_stds(measured, runs)
     for group, numbers in (("posterior", sample.runs), ("prior", prior)):
         columns = np.moveaxis(sample.values[numbers], -1, 0)
@@ -379,10 +381,17 @@ def arviz_groups(
             normal = rng.standard_normal(drawn.shape[-1])
             if np.isfinite(predicted[number]).all():
                 covariance = measured.covariance(predicted[number], stds[number])
+                off = measured.values - predicted[number]
+                if group == "posterior" and measured.has_discrepancy:
+                    # The model's own error is the one that the measurements teach.
+                    own = measured.model_covariance(stds[number])
+                    weights = np.linalg.solve(covariance, own)
+                    drawn[at] += off @ weights
+                    covariance = covariance - own @ weights
                 variances, axes = np.linalg.eigh(covariance)
                 drawn[at] += axes @ (np.sqrt(np.maximum(variances, 0)) * normal)
                 if group == "posterior":
-                    off = measured.values - predicted[number]
+                    covariance = measured.covariance(predicted[number], stds[number])
                     left_out[at] = conditional_log_densities(off, covariance)
         yield f"{group}_predictive", _rows_dataset(measured, drawn, _CHAINS)
         if group == "posterior" and (measured.censoring == EXACTLY).all():

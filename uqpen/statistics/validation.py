@@ -279,6 +279,7 @@ def validations_at_experiments(
     not known is the root mean square of its prior. Values that have taught a posterior among the
     inputs were used before.
     """
+    experiments = experiments.without_discrepancy()  # it is what is looked for
     predicted = experiments.predicted(runs)
     completed = np.isfinite(predicted).all(axis=1)
     at = predicted[completed].mean(axis=0) if completed.any() else experiments.values

@@ -71,9 +71,9 @@ SECTIONS: Mapping[str, Section] = {
         field="joint_events",
     ),
     # Experiments that the model is compared with; designs refer to them.
-    "measured": Section(field="measured", lines="uqpen.study.measured_section:role_lines", rank=5),
+    "measured": Section(lines="uqpen.study.measured_section:role_lines", rank=5),
     # How far off it may be there.
-    "validation": Section(field="validations"),
+    "validation": Section(),
     "designs": Section(
         expected="at least one [designs.<name>]", lines="uqpen.study.summary:design_lines", rank=3
     ),

@@ -13,7 +13,7 @@ from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.columns import Column, columns_of_table, read_columns
 from uqpen.core.errors import QuantityError, TableError, toml_text
 from uqpen.core.files import FileSnapshot
-from uqpen.core.model import Model
+from uqpen.core.model import Input, Model
 from uqpen.core.quantities import parse_quantity
 from uqpen.core.units import DIMENSIONLESS, describe, scale
 from uqpen.core.variables import Output
@@ -21,6 +21,7 @@ from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.measurements import (
     AT_LEAST,
     AT_MOST,
+    Discrepancy,
     MeasuredOutput,
     MeasuredOutputs,
     MeasurementErrors,
@@ -138,8 +139,10 @@ def _read_section(name: str, section: TableReader, model: Model) -> MeasuredOutp
         if written is not None
         and (found_std := _difference(section, ("conditions", each), written, inputs[each].unit))
     }
+    known = {each: inputs[each] for each in conditions}
     read_outputs = (
-        _read_output(inside, outputs[key], rows, experiment) for key, inside in tables.items()
+        _read_output(inside, outputs[key], rows, experiment, known)
+        for key, inside in tables.items()
     )
     measured = [of_output for of_output in read_outputs if of_output is not None]
     if len(measured) < len(tables):
@@ -280,7 +283,11 @@ def _difference(
 
 
 def _read_output(
-    table: TableReader, output: Output, rows: _Table, experiment: IntArray
+    table: TableReader,
+    output: Output,
+    rows: _Table,
+    experiment: IntArray,
+    conditions: Mapping[str, Input],
 ) -> MeasuredOutput | None:
     """Read the measurements of one output; None where a mistake was noted."""
     noted = len(table.problems)
@@ -311,11 +318,62 @@ def _read_output(
     if len(table.problems) > noted:
         return None
     errors = _read_errors(table, output, rows, kept, experiment, values, places)
+    discrepancy = _read_discrepancy(table, output, rows, kept, conditions)
     table.check_unknown_keys()
     if errors is None or len(table.problems) > noted:
         return None
+    errors = replace(errors, discrepancy=discrepancy)
     return MeasuredOutput(
         output, experiment[kept], places, values[kept], censoring[kept], kept + 1, errors
+    )
+
+
+_DISCREPANCY = {
+    "std": "its standard deviation, known up to a prior: { half-normal = … }",
+    "length": "the length over which it changes, known up to a prior: { half-normal = … }",
+}
+
+
+def _read_discrepancy(
+    table: TableReader,
+    output: Output,
+    rows: _Table,
+    kept: IntArray,
+    conditions: Mapping[str, Input],
+) -> Discrepancy | None:
+    """Read the error of the model itself along a condition or a dimension; None without one."""
+    if "discrepancy" not in table:
+        return None
+    inside, noted = table.table("discrepancy"), len(table.problems)
+    units = {each.name: each.unit for each in output.dims}
+    units |= {name: each.unit for name, each in conditions.items()}
+    expected = f"a condition or a dimension of {output.name}: {', '.join(units) or 'it has none'}"
+    along = inside.text("along", expected)
+    if along is not None and along not in units:
+        inside.add_wrong("along", along, expected)
+    unit = units.get(along or "", DIMENSIONLESS)
+    found = {}
+    for key, like in (("std", output.unit), ("length", unit)):
+        written = inside.take(key)
+        prior = written.get("half-normal") if isinstance(written, dict) else None
+        if written is None:
+            inside.add_missing(key, _DISCREPANCY[key])
+        elif prior is None:
+            inside.add_wrong(key, written, _DISCREPANCY[key])
+        elif along in units:
+            found[key] = _difference(inside, (key, "half-normal"), prior, like) or 0.0
+    zero_at = inside.quantity("zero_at", unit)
+    inside.check_unknown_keys()
+    places = rows.values(along, unit) if along in units else None
+    if len(table.problems) > noted or places is None:
+        return None
+    of = f"discrepancy of {output.name}"
+    return Discrepancy(
+        str(along),
+        places[kept],
+        UnknownSize(of, found["std"], output.unit, output.name),
+        UnknownSize(f"length of the {of}", found["length"], unit, str(along)),
+        zero_at,
     )
 
 
@@ -375,7 +433,7 @@ def _read_errors(
         if prior is None or len(written) > 1:
             table.add_wrong("std", written, _STD)
         elif scale := _difference(table, ("std", "half-normal"), prior, output.unit):
-            size = UnknownSize(f"std of {output.name}", scale)
+            size = UnknownSize(f"std of {output.name}", scale, output.unit, output.name)
             own = MeasurementErrors(nothing, nothing, size)
     elif written == _REPEATS:
         if pooled := _pooled(table, kept, experiment, values, places):

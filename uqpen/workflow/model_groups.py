@@ -18,6 +18,7 @@ from uqpen.core.labels import (
     CITED,
     COST_SPENT,
     DIFFERENCES,
+    DISCREPANCY,
     LARGEST_CONTRIBUTION,
     MAGNITUDES,
     MEASURED,
@@ -277,9 +278,13 @@ def calibration_statistics(study: ValidatedStudy, runs: xr.Dataset) -> OutputSta
 def _measured_design(study: ValidatedStudy, runs: xr.Dataset) -> MeasuredDesign | None:
     """Return the design whose runs follow measurements; None for those of other designs."""
     designs = (each for each in study.designs.values() if isinstance(each, MeasuredDesign))
-    of_runs = runs.attrs[SAMPLING], runs.attrs.get(MEASURED)
-    found = (each for each in designs if (each.sampling, each.experiments.name) == of_runs)
-    return next(found, None)
+    names = SAMPLING, MEASURED, DISCREPANCY
+    of_runs = tuple(str(runs.attrs.get(name, "")) for name in names)
+    for each in designs:
+        own = each.experiments.name, each.experiments.discrepancy_text
+        if (str(each.sampling), *own) == of_runs:
+            return each
+    return None
 
 
 def _validation_groups(

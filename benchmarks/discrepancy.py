@@ -1,0 +1,129 @@
+"""What an error of the model itself is worth: how often its unknown and the truth are held.
+
+A table of docs/posteriors.md as `seed_table.py` makes it. The simple machine: it does 0.65 x /
+(1 + x / 20) of work at the effort x, and the model says theta x. Posteriors are exact but for a
+grid over the numbers of the errors.
+
+References
+----------
+Brynjarsdóttir, J. & O'Hagan, A. (2014). Inverse Problems 30, 114007.
+"""
+
+from __future__ import annotations
+
+import sys
+from argparse import Namespace
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from scipy.stats import halfnorm, norm
+from seed_table import Case, Row, SeedTable, lines, per_cent, totals
+
+from uqpen.core.streams import Stream
+from uqpen.measurements import Discrepancy, UnknownSize
+
+Array = npt.NDArray[np.float64]
+EFFORT, ERROR, TRUE_THETA = np.linspace(0.2, 4.0, 11), 0.01, 0.65
+MEAN, STD = 0.6, 0.3  # prior of theta
+WHERE = (3.1, 5.0, 6.0, 8.0)
+LEVEL = 0.9
+
+
+def truth(effort: Array) -> Array:
+    return TRUE_THETA * effort / (1 + effort / 20)
+
+
+class Situation(NamedTuple):
+    """Numbers of the errors that are not known: their half-normal scales, 0 for none."""
+
+    size: float = 0.0  # of independent errors
+    std: float = 0.0  # of a process along the effort
+    length: float = 3.0
+    zero_at: float | None = None
+
+
+SITUATIONS = {
+    "none": Situation(),
+    "independent errors of unknown size": Situation(size=0.3),
+    "process": Situation(std=0.3),
+    "process that is 0 at x = 0": Situation(std=0.3, zero_at=0.0),
+}
+# Numbers of the grid, as shares of their half-normal distributions.
+_SHARES = (np.arange(40) + 0.5) / 40
+
+
+def posterior(measured: Array, of: Situation) -> tuple[Array, Array, Array]:
+    """Return weights, means and deviations of theta and the truth at `WHERE`, (grid, quantity)."""
+    at = np.array(WHERE)
+    sizes = halfnorm.ppf(_SHARES, scale=of.size) if of.size else np.zeros(1)
+    stds = halfnorm.ppf(_SHARES, scale=of.std) if of.std else np.zeros(1)
+    lengths = halfnorm.ppf(_SHARES, scale=of.length) if of.std else np.ones(1)
+    known = UnknownSize("", 1.0, "1", "")
+    process = Discrepancy("x", EFFORT, known, known, of.zero_at)
+    weights, means, deviations = [], [], []
+    for size, std, length in np.stack(np.meshgrid(sizes, stds, lengths), -1).reshape(-1, 3):
+        numbers = np.array(std), np.array(length)
+        line = STD**2 * np.outer(EFFORT, EFFORT)
+        whole = line + process.kernel(EFFORT, EFFORT, *numbers)
+        whole += (ERROR**2 + size**2) * np.eye(len(EFFORT))
+        across = STD**2 * np.outer(at, EFFORT) + process.kernel(at, EFFORT, *numbers)
+        own = STD**2 * at**2 + np.diag(process.kernel(at, at, *numbers))
+        across = np.vstack([STD**2 * EFFORT, across])
+        own = np.append(STD**2, own)
+        lower = np.linalg.cholesky(whole)
+        off = np.linalg.solve(lower, measured - MEAN * EFFORT)
+        taught = np.linalg.solve(lower, across.T)
+        weights.append(-0.5 * off @ off - np.log(np.diag(lower)).sum())
+        means.append(np.append(MEAN, MEAN * at) + taught.T @ off)
+        deviations.append(np.sqrt(np.maximum(own - (taught**2).sum(axis=0), 1e-16)))
+    shares = np.exp(np.array(weights) - max(weights))
+    return shares / shares.sum(), np.array(means), np.array(deviations)
+
+
+def holds(weights: Array, means: Array, deviations: Array, value: float) -> bool:
+    """Return whether the middle 90 % of a mixture of normal distributions hold a value."""
+    below = float(weights @ norm.cdf((value - means) / deviations))
+    return (1 - LEVEL) / 2 < below < (1 + LEVEL) / 2
+
+
+def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
+    situation = SITUATIONS[str(case[0])]
+    for seed in seeds:
+        rng = Stream(seed, "measurements").generator()
+        measured = truth(EFFORT) + ERROR * rng.standard_normal(len(EFFORT))
+        weights, means, deviations = posterior(measured, situation)
+        exact = [TRUE_THETA, *truth(np.array(WHERE))]
+        columns = zip(means.T, deviations.T, exact, strict=True)
+        held = [holds(weights, *each) for each in columns]
+        mean = float(weights @ means[:, 0])
+        variance = weights @ (deviations[:, 0] ** 2 + means[:, 0] ** 2) - mean**2
+        named = {f"x {at:g}": int(each) for at, each in zip(WHERE, held[1:], strict=True)}
+        yield {"mean": mean, "std": float(np.sqrt(variance)), "theta": int(held[0]), **named}
+
+
+SUMS = ("count", "mean", "std", "theta", *(f"x {at:g}" for at in WHERE))
+
+
+def _page(rows: Sequence[Row]) -> Iterator[str]:
+    head = ["error of the model", "theta (0.65)", "theta held"]
+    head += [f"truth held at x = {at:g}" for at in WHERE]
+    cells = totals(rows, ("discrepancy",), SUMS)
+    yield from lines(head, (_line(*key, vars(cell)) for key, cell in cells.items()))
+
+
+def _line(name: str, cell: dict[str, float]) -> list[str]:
+    count = int(cell["count"])
+    value = f"{cell['mean'] / count:.3f} ± {cell['std'] / count:.3f}"
+    held = (f"{per_cent(int(cell[each]), count)} %" for each in SUMS[3:])
+    return [name, value, *held]
+
+
+KEYS = ("discrepancy",)
+TABLE = SeedTable(
+    KEYS, lambda: ((name,) for name in SITUATIONS), _rows, {"discrepancy": _page}, seeds=100
+)
+
+if __name__ == "__main__":
+    sys.exit(TABLE.main(__doc__))
