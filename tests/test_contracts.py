@@ -75,9 +75,10 @@ DESIGN_SETTINGS = {
 }
 
 
-# One for intervals, which the inputs of the contract are not: see `test_interval_bounds`. Two need
-# the measurements of a study: see `test_least_squares` and `test_posterior`.
+# One for intervals, which the inputs of the contract are not: see `test_interval_bounds`. Three
+# need the measurements of a study: see `test_least_squares` and the tests of posteriors.
 ELSEWHERE = {"table", "data", "interval-bounds", "least-squares", "posterior"}
+ELSEWHERE |= {"posterior-by-surrogate"}
 
 
 @pytest.mark.parametrize("kind", sorted(DESIGNS.keys() - ELSEWHERE))

@@ -592,6 +592,7 @@ class Experiments:
         predicted: FloatArray,
         sizes: FloatArray | None = None,
         slopes: FloatArray | None = None,
+        added: FloatArray | None = None,
     ) -> FloatArray:
         """Return the logarithm of the likelihood of results, shape (draw,).
 
@@ -603,19 +604,22 @@ class Experiments:
             Values of `sizes`.
         slopes : ndarray, shape (moved, row), optional
             As in `covariance`.
+        added : ndarray, shape (draw, row, row), optional
+            Covariance that each draw has beside that of the errors.
         """
         found = np.full(len(predicted), np.nan)
         drawn = np.zeros((len(predicted), 0)) if sizes is None else sizes
         completed = np.flatnonzero(np.isfinite(predicted).all(axis=1))
         depends = any(each.errors.depends_on_model for _, each in self.outputs) or drawn.size
-        if not depends and len(completed):
+        more = np.zeros((len(predicted), 1, 1)) if added is None else added
+        if not depends and added is None and len(completed):
             covariance = self.covariance(predicted[completed[0]], (), slopes)
             found[completed] = self.likelihood(covariance).log_density(predicted[completed])
             return found
         if (self.censoring == EXACTLY).all():
             at_once = max(1, _MOST_ENTRIES // len(self.values) ** 2)
             for part in np.split(completed, range(at_once, len(completed), at_once)):
-                covariance = self.covariance(predicted[part], drawn[part], slopes)
+                covariance = self.covariance(predicted[part], drawn[part], slopes) + more[part]
                 # A share of a result that is 0 allows no other measured value.
                 known = (np.diagonal(covariance, axis1=-2, axis2=-1) > 0).all(axis=-1)
                 part, lower = part[known], np.linalg.cholesky(covariance[known])
@@ -626,7 +630,7 @@ class Experiments:
                 found[part] -= logarithms
             return found
         for draw in completed.tolist():
-            covariance = self.covariance(predicted[draw], drawn[draw], slopes)
+            covariance = self.covariance(predicted[draw], drawn[draw], slopes) + more[draw]
             at = slice(draw, draw + 1)
             found[at] = self.likelihood(covariance).log_density(predicted[at])
         return found

@@ -974,6 +974,9 @@ _OF_UNKNOWNS_POSTERIOR = {
 }
 _OF_POSTERIOR = {
     "sampled_well": "1 where the replicates agree and the means are known well, else 0",
+    "confirmed": "1 where weighted runs confirm the posterior by a surrogate, else 0",
+    "effective_number": "number of independent draws that the weighted ones are worth",
+    "variance_scale": "factor that z scores gave the variance of the surrogate",
     "prior_failed_share": "share of failed runs over the prior",
     "posterior_failed_share": "share of failed runs around the posterior",
     "start_correlation": "rank correlation of draws with where their last level began",
@@ -1059,6 +1062,8 @@ CALIBRATION_STATISTICS = _by_name(
         Statistic(
             "posterior_quantile", "quantile of an unknown's posterior", (UNKNOWN, PROBABILITY)
         ),
+        Statistic("surrogate_mean", "mean of its posterior by the surrogate alone", (UNKNOWN,)),
+        Statistic("surrogate_std", "standard deviation of the same", (UNKNOWN,)),
         *(
             Statistic(name, title, (UNKNOWN,), has_bounds=False)
             for name, title in _OF_UNKNOWNS_POSTERIOR.items()

@@ -87,6 +87,12 @@ LIKELIHOOD_EXPONENT = "likelihood_exponent"
 PARENT_DRAW = "parent_draw"
 LEAST_LOG_LIKELIHOOD = "least_log_likelihood"
 ERROR_STD = "error_std_{number}"
+# Of a posterior by a surrogate: the round of a draw (0 of the prior, -1 of the result), the
+# logarithm of its likelihood by the surrogate that it was drawn by, and the factor that z scores
+# gave the variance of that.
+SEARCH_ROUND = "search_round"
+PREDICTED_LOG_LIKELIHOOD = "predicted_log_likelihood"
+VARIANCE_SCALE = "variance_scale"
 WEIGHTED_AT = "weighted_at"
 # Of a posterior: an attribute with what a model has errors of its own along.
 DISCREPANCY = "discrepancy"

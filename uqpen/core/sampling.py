@@ -34,6 +34,8 @@ class Sampling(StrEnum):
     """Points that move towards the values with which a model fits measurements; no sample."""
     POSTERIOR = "towards a posterior"
     """Draws of the prior, and particles that move from there to the posterior; no sample."""
+    WEIGHTED_POSTERIOR = "towards a weighted posterior"
+    """Draws of the prior, then of posteriors by surrogates, weighted at last; no sample."""
     SEARCH_CURVES = "search curves"
     """Curves through the inputs' space, along which each input has a frequency; no sample."""
     FINITE_DIFFERENCES = "finite differences"

@@ -19,6 +19,7 @@ DESIGNS = {
     "multifidelity": "uqpen.designs.multifidelity:Multifidelity",
     "least-squares": "uqpen.designs.least_squares:LeastSquares",
     "posterior": "uqpen.designs.posterior:Posterior",
+    "posterior-by-surrogate": "uqpen.surrogates.surrogate_posterior:SurrogatePosterior",
     "interval-bounds": "uqpen.surrogates.interval_bounds:IntervalBounds",
     **{name: method.design for name, method in RARE_EVENT_METHODS.items()},
     "salib:fast_sampler": "uqpen.designs.salib_designs:FastSampler",

@@ -32,13 +32,10 @@ class MeasuredDesign(Design):
         Names of the measurements that the outputs are compared with.
     experiments : Experiments, optional
         The measurements; a study gives them.
-    at_most : int
-        Largest number of runs; each point has one in every experiment.
     """
 
     measured: tuple[str, ...] = names()
     experiments: Experiments = field(default=Experiments(()), compare=False, repr=False)
-    at_most: int = count(minimum=20, default=10_000)
 
     def check_models(
         self, models: Collection[str], costs: Mapping[str, float]
@@ -52,11 +49,32 @@ class MeasuredDesign(Design):
     def ends_early(self) -> bool:
         return True
 
-    def run_count(self, joint: JointDistribution) -> int:
-        return self.at_most
-
     def files(self) -> tuple[FileSnapshot, ...]:
         return self.experiments.files
+
+    def check_continuous(self, joint: JointDistribution) -> Iterator[Problem]:
+        """Yield the problems of unknown inputs that have single values."""
+        entries = {each.variable.name: each.distribution for each in joint.random}
+        for unknown in self.experiments.unknown:
+            if unknown in entries and entries[unknown].is_discrete:
+                found = f"steps of {unknown}, which has single values"
+                yield Problem((), found, "unknowns with a continuous distribution")
+
+
+@dataclass(frozen=True)
+class LimitedMeasuredDesign(MeasuredDesign):
+    """Design at measurements that goes on until it has what it looks for.
+
+    Parameters
+    ----------
+    at_most : int
+        Largest number of runs; each point has one in every experiment.
+    """
+
+    at_most: int = count(minimum=20, default=10_000)
+
+    def run_count(self, joint: JointDistribution) -> int:
+        return self.at_most
 
 
 # A sample of the inputs at all experiments.

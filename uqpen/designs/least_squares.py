@@ -29,7 +29,7 @@ from uqpen.core.processors import one_blas_thread
 from uqpen.core.sampling import Sampling
 from uqpen.core.settings import count, flag
 from uqpen.core.streams import Stream
-from uqpen.designs.at_experiments import MeasuredDesign
+from uqpen.designs.at_experiments import LimitedMeasuredDesign
 from uqpen.designs.design import NO_STEP_BETWEEN_LABELS, Rounds
 from uqpen.designs.quasi_monte_carlo import sobol_points
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput, points_dataset
@@ -921,7 +921,7 @@ PROFILE_LEVEL = 0.95
 
 
 @dataclass(frozen=True)
-class LeastSquares(MeasuredDesign):
+class LeastSquares(LimitedMeasuredDesign):
     """Search of the unknowns with the least sum of squares, from several starts.
 
     Steps of difference quotients follow from the noise of the model, which nine runs measure.
@@ -953,11 +953,7 @@ class LeastSquares(MeasuredDesign):
         if self.experiments.has_discrepancy:
             found = "a discrepancy, which takes up whatever the unknowns do not explain"
             yield Problem(("measured",), found, 'kind = "posterior", where it has a prior')
-        entries = {each.variable.name: each.distribution for each in joint.random}
-        for name in self.experiments.unknown:
-            if name in entries and entries[name].is_discrete:
-                found = f"steps of {name}, which has single values"
-                yield Problem((), found, "unknowns with a continuous distribution")
+        yield from self.check_continuous(joint)
 
     @property
     def settings(self) -> SearchSettings:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from scipy.special import erfcinv, erfinv, ndtr, ndtri
 
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray, rows_by_weight
@@ -30,7 +31,7 @@ from uqpen.core.processors import one_blas_thread
 from uqpen.core.sampling import Sampling
 from uqpen.core.settings import count, flag
 from uqpen.core.streams import Stream
-from uqpen.designs.at_experiments import MeasuredDesign
+from uqpen.designs.at_experiments import LimitedMeasuredDesign
 from uqpen.designs.design import NO_STEP_BETWEEN_LABELS, Rounds
 from uqpen.designs.quasi_monte_carlo import sobol_points
 from uqpen.distributions.joint_distribution import JointDistribution, points_dataset
@@ -218,7 +219,12 @@ Sampler = Generator[PosteriorPoints, FloatArray, None]
 
 
 def sample_posterior(
-    dimension: int, particles: int, replicates: int, at_most: int, stream: Stream
+    dimension: int,
+    particles: int,
+    replicates: int,
+    at_most: int,
+    stream: Stream,
+    moves: float = math.inf,
 ) -> Sampler:
     """Sample a posterior by independent replicates of tempered sequential Monte Carlo.
 
@@ -236,6 +242,8 @@ def sample_posterior(
         Largest number of points.
     stream : Stream
         Source of the random numbers.
+    moves : int, optional
+        Largest number of moves of a level, where these alone may not end it.
 
     References
     ----------
@@ -243,7 +251,7 @@ def sample_posterior(
     (2002). Biometrika 89, 539-552.
     """
     going = {
-        number: _replicate(dimension, particles, stream.child("replicate", number))
+        number: _replicate(dimension, particles, stream.child("replicate", number), moves)
         for number in range(replicates)
     }
     wanted = {number: next(replicate) for number, replicate in going.items()}
@@ -268,7 +276,9 @@ def sample_posterior(
 _Wanted = tuple[FloatArray, FloatArray, IntArray, FloatArray]
 
 
-def _replicate(dimension: int, size: int, stream: Stream) -> Generator[_Wanted, Particles, None]:
+def _replicate(
+    dimension: int, size: int, stream: Stream, moves: float
+) -> Generator[_Wanted, Particles, None]:
     """Yield the points of a replicate; it is sent their runs."""
     points = ndtri(sobol_points(stream.generator("prior"), size, dimension))
     made = yield points, np.zeros(size), np.full(size, -1), np.full(size, -math.inf)
@@ -286,7 +296,7 @@ def _replicate(dimension: int, size: int, stream: Stream) -> Generator[_Wanted, 
         chosen = rows_by_weight(weights, (np.arange(size) + rng.random()) / size)
         chosen = rng.permutation(chosen)
         particles, points = particles.at(chosen), points[chosen]
-        exponent, start, is_related = higher, points, True
+        exponent, start, is_related, made_moves = higher, points, True, 0
         limit = _UNRELATED if exponent < 1 else UNRELATED_AT_LAST
         while is_related:
             move = cloud.difference if turn else cloud.crank_nicolson
@@ -302,7 +312,8 @@ def _replicate(dimension: int, size: int, stream: Stream) -> Generator[_Wanted, 
                 share = is_accepted[moved.is_adapted].mean()
                 longer = lengths[turn] * math.exp(_FOLLOWING * (share - _TARGETS[turn]))
                 lengths[turn] = min(longer, _LONGEST[turn])
-            is_related = largest_correlation(start, points) > limit
+            made_moves += 1
+            is_related = made_moves < moves and largest_correlation(start, points) > limit
             turn = 1 - turn
 
 
@@ -380,9 +391,37 @@ class PriorCoordinates:
             draws[name] = middle + offset
         return measured.inputs(draws, others)
 
+    def runs(
+        self, points: FloatArray, first: int, of_draws: Mapping[str, npt.NDArray[Any]]
+    ) -> xr.Dataset:
+        """Return the inputs of all runs of some draws, with what is known of these.
+
+        Parameters
+        ----------
+        points : ndarray, shape (draw, coordinate)
+        first : int
+            Number of the first draw.
+        of_draws : mapping of str to ndarray, shape (draw,)
+        """
+        size, measured = len(points), self.measured
+        stds = self.error_stds(points)
+        columns = {
+            DRAW: np.arange(first, first + size),
+            **of_draws,
+            **{ERROR_STD.format(number=k + 1): each for k, each in enumerate(stds.T)},
+        }
+        coordinates = {
+            **{name: np.repeat(column, measured.count) for name, column in columns.items()},
+            EXPERIMENT: np.tile(np.arange(measured.count), size),
+        }
+        made = points_dataset(
+            self.joint, self.inputs(points), coordinates, runs=size * measured.count
+        )
+        return made.assign_attrs({MEASURED: measured.name})
+
 
 @dataclass(frozen=True)
-class Posterior(MeasuredDesign):
+class Posterior(LimitedMeasuredDesign):
     """Posterior of the unknown inputs, by independent replicates of sequential Monte Carlo.
 
     Parameters
@@ -443,28 +482,17 @@ class Posterior(MeasuredDesign):
         )
         asked, made = next(sampler), 0
         while True:
-            size = len(asked.points)
-            stds = prior.error_stds(asked.points)
             of_draws = {
-                DRAW: np.arange(made, made + size),
                 REPLICATE: asked.replicate,
                 LIKELIHOOD_EXPONENT: asked.exponent,
                 PARENT_DRAW: asked.parent,
                 LEAST_LOG_LIKELIHOOD: asked.least,
-                **{ERROR_STD.format(number=k + 1): each for k, each in enumerate(stds.T)},
             }
-            coordinates = {
-                **{name: np.repeat(column, measured.count) for name, column in of_draws.items()},
-                EXPERIMENT: np.tile(np.arange(measured.count), size),
-            }
-            made += size
-            points = points_dataset(
-                joint, prior.inputs(asked.points), coordinates, runs=size * measured.count
-            )
-            described = {MEASURED: measured.name}
+            points = prior.runs(asked.points, made, of_draws)
+            made += len(asked.points)
             if measured.has_discrepancy:
-                described[DISCREPANCY] = measured.discrepancy_text
-            feedback = yield points.assign_attrs(described)
+                points = points.assign_attrs({DISCREPANCY: measured.discrepancy_text})
+            feedback = yield points
             (runs,) = feedback.runs.values()
             with one_blas_thread():
                 try:

@@ -167,6 +167,7 @@ def repeat_problem(design: Design) -> tuple[str, str] | None:
         Sampling.AT_EXPERIMENTS,
         Sampling.TOWARDS_MEASUREMENTS,
         Sampling.POSTERIOR,
+        Sampling.WEIGHTED_POSTERIOR,
     ):
         expected = "no repeats: each experiment has one run of each draw"
         return "repeats of runs at experiments", expected

@@ -121,12 +121,22 @@ def _posterior_sentences(found: Mapping[str, xr.DataArray], runs: xr.Dataset) ->
         yield f"The measurements of {runs.attrs[MEASURED]} leave {', '.join(taught)} (95 %)."
     if rest:
         yield f"They say nothing on {', '.join(rest)}."
+    yield _verdict(found)
+
+
+def _verdict(found: Mapping[str, xr.DataArray]) -> str:
+    """Return whether a posterior is good, in words."""
+    mean = found["posterior_mean"]
+    if "confirmed" in found:
+        if found["confirmed"] == 0:
+            return f"{capitalized(str(mean['note'].values[0]))}."
+        size = float(found["effective_number"])
+        return f"Runs of the model confirm it: {size:.2g} of their weighted draws are effective."
     if found["sampled_well"] == 1:
-        yield "The posterior is sampled well."
-    else:
-        notes = zip(mean[UNKNOWN].values.tolist(), mean["note"].values.tolist(), strict=True)
-        faults = "; ".join(f"{name}: {note}" for name, note in notes if note)
-        yield f"The posterior is not sampled well: {faults}."
+        return "The posterior is sampled well."
+    notes = zip(mean[UNKNOWN].values.tolist(), mean["note"].values.tolist(), strict=True)
+    faults = "; ".join(f"{name}: {note}" for name, note in notes if note)
+    return f"The posterior is not sampled well: {faults}."
 
 
 def _unit_of(
@@ -140,7 +150,9 @@ def _unit_of(
 def _posterior_table(
     design: str, found: Mapping[str, xr.DataArray], runs: xr.Dataset
 ) -> OutputTable:
-    columns = ["mean", "sd", *_QUANTILES, "prior sd", "learnt", "R-hat", "effective draws"]
+    is_weighted = "surrogate_mean" in found
+    beside = ["by the surrogate", "its sd"] if is_weighted else ["R-hat", "effective draws"]
+    columns = ["mean", "sd", *_QUANTILES, "prior sd", "learnt", *beside]
     table = OutputTable(f"{design}: posterior", columns)
     names = found["posterior_mean"][UNKNOWN].values.tolist()
     for place, name in enumerate(names):
@@ -155,7 +167,11 @@ def _posterior_table(
                 cells.append(table.cell(quantile, convert))
             prior = shown.difference_from_si(found["prior_std"].values[place])
             cells += [number_text(float(prior)), f"{max(float(found['learnt'][at]), 0.0):.1%}"]
-            cells += [number_text(float(found[key][at])) for key in ("rhat", "effective_draws")]
+            if is_weighted:
+                cells.append(table.cell(found["surrogate_mean"][at], convert))
+                cells.append(table.cell(found["surrogate_std"][at], shown.difference_from_si))
+            else:
+                cells += [number_text(float(found[key][at])) for key in ("rhat", "effective_draws")]
         else:
             cells += [NOTHING] * (len(columns) - 1)
         table.rows.append((label_with_unit(name, unit), cells))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -13,7 +13,7 @@ import scipy
 import scipy.stats
 import xarray as xr
 
-from uqpen.core.arrays import FloatArray, IntArray
+from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 from uqpen.core.catalogue import CALIBRATION_STATISTICS
 from uqpen.core.labels import (
     EXPERIMENT,
@@ -45,7 +45,7 @@ from uqpen.statistics.intervals import student_interval
 # correlate less with those that the last level moved from.
 _LARGEST_RHAT, _LARGEST_ERROR, _RELATED = 1.01, 0.05, 0.2
 # A share of failed runs around the posterior that a reader has to know of.
-_MANY_FAILED = 0.05
+MANY_FAILED = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,7 +202,7 @@ class PosteriorSample:
     def failure_note(self) -> str:
         """Text on failed runs around the posterior; empty where they are few."""
         share = self.failed_share(prior=False)
-        return texts.FAILED_AT_POSTERIOR.format(share=share) if share > _MANY_FAILED else ""
+        return texts.FAILED_AT_POSTERIOR.format(share=share) if share > MANY_FAILED else ""
 
     @property
     def faults(self) -> list[str]:
@@ -266,7 +266,7 @@ def rank_normalised_rhat(draws: FloatArray) -> float:
 
 # The statistics of an archive, and the groups that other programs read.
 
-_PROBABILITIES = (0.025, 0.05, 0.25, 0.5, 0.75, 0.95, 0.975)
+PROBABILITIES = (0.025, 0.05, 0.25, 0.5, 0.75, 0.95, 0.975)
 
 
 def posterior_sample(
@@ -288,60 +288,115 @@ def posterior_statistics(
 ) -> Iterator[tuple[str, xr.DataArray]]:
     """Yield what the runs of a posterior say, by the names of the catalogue."""
     sample = posterior_sample(measured, runs, level)
-    names = [*measured.unknown, *(each.name for each in measured.sizes)]
-    along = {UNKNOWN: names}
-    described: dict[str, Any] = {
-        "units": DIMENSIONLESS,
-        "long_name": "unknowns, each in its SI unit",
-        "level": level,
-    }
-    shown = [*measured.unknown, *(each.like for each in measured.sizes)]
-    yield "unit_like", xr.DataArray(np.array(shown, dtype=object), along, (UNKNOWN,))
     if isinstance(sample, str):
-        nothing = Estimate.without_bounds(np.full(len(names), np.nan), sample)
-        yield "posterior_mean", nothing.to_array(UNKNOWN, coordinates=along, **described)
+        yield from no_posterior(measured, sample, level)
         return
-    # Of runs that are drawn; the covariance is that at their means.
     drawn = sample.runs.ravel()
-    predicted, sizes = measured.predicted(runs)[drawn], error_stds(measured, runs)[drawn]
-    middle = predicted.mean(axis=0)
-    covariance = measured.covariance(middle, np.sqrt((sizes**2).mean(axis=0)))
+    shares = np.full(len(drawn), 1 / len(drawn))
+    yield from predicted_rows(
+        measured, measured.predicted(runs)[drawn], error_stds(measured, runs)[drawn], shares
+    )
+    notes = np.array(sample.faults, dtype=object)
+    estimates = {
+        "posterior_mean": replace(sample.mean, note=notes).with_note(sample.failure_note),
+        "posterior_std": sample.std,
+        "posterior_quantile": Estimate.stacked(map(sample.quantile, PROBABILITIES)),
+        "log_evidence": sample.log_evidence,
+    }
+    numbers: dict[str, FloatArray | float] = {
+        "prior_std": sample.prior_std,
+        "learnt": sample.learnt,
+        "rhat": sample.rhat,
+        "effective_draws": sample.effective_draws,
+        "sampled_well": float(not any(sample.faults)),
+        "prior_failed_share": sample.failed_share(prior=True),
+        "posterior_failed_share": sample.failed_share(prior=False),
+        "start_correlation": sample.related,
+    }
+    yield from described_statistics(measured, estimates, numbers, level)
+    yield failed_shares(measured, runs, sample.sampled.exponent == 1)
+
+
+def predicted_rows(
+    measured: Experiments, predicted: FloatArray, sizes: FloatArray, shares: FloatArray
+) -> Iterator[tuple[str, xr.DataArray]]:
+    """Yield what was measured and what draws of a posterior say of it.
+
+    Parameters
+    ----------
+    measured : Experiments
+    predicted : ndarray, shape (draw, row)
+        Results of draws whose runs completed.
+    sizes : ndarray, shape (draw, size)
+        Their standard deviations of measurements.
+    shares : ndarray, shape (draw,)
+        Their weights, of sum 1.
+    """
+    middle = shares @ predicted
+    # The covariance of the errors is that at the mean.
+    covariance = measured.covariance(middle, np.sqrt(shares @ sizes**2))
+    variance = shares @ (predicted - middle) ** 2 / (1 - shares @ shares)
     yield from measured.measured_rows(
         measured_std=np.sqrt(np.diag(covariance)),
         predicted_mean=middle,
-        predicted_std=predicted.std(axis=0, ddof=1),
+        predicted_std=np.sqrt(variance),
     )
-    notes = np.array(sample.faults, dtype=object)
-    mean = replace(sample.mean, note=notes).with_note(sample.failure_note)
-    quantiles = Estimate.stacked(map(sample.quantile, _PROBABILITIES))
-    both = along | {PROBABILITY: np.array(_PROBABILITIES)}
-    yield "posterior_mean", mean.to_array(UNKNOWN, coordinates=along, **described)
-    yield "posterior_std", sample.std.to_array(UNKNOWN, coordinates=along, **described)
-    yield (
-        "posterior_quantile",
-        quantiles.to_array(UNKNOWN, PROBABILITY, coordinates=both, **described),
-    )
-    for name, numbers in (
-        ("prior_std", sample.prior_std),
-        ("learnt", sample.learnt),
-        ("rhat", sample.rhat),
-        ("effective_draws", sample.effective_draws),
-    ):
-        yield name, xr.DataArray(numbers, along, (UNKNOWN,))
+
+
+def failed_shares(
+    measured: Experiments, runs: xr.Dataset, draws: BoolArray
+) -> tuple[str, xr.DataArray]:
+    """Return the share of failed runs of each experiment among some draws, with its name."""
     failed = (runs[STATUS].values != Status.OK).reshape(-1, measured.count)
-    shares = failed[sample.sampled.exponent == 1].mean(axis=0)
     numbered = {EXPERIMENT: np.arange(1, measured.count + 1)}
-    yield "experiment_failed_share", xr.DataArray(shares, numbered, (EXPERIMENT,))
-    described["long_name"] = CALIBRATION_STATISTICS["log_evidence"].title
-    yield "log_evidence", sample.log_evidence.to_array(**described)
-    for name, value in (
-        ("sampled_well", float(not any(sample.faults))),
-        ("prior_failed_share", sample.failed_share(prior=True)),
-        ("posterior_failed_share", sample.failed_share(prior=False)),
-        ("start_correlation", sample.related),
-    ):
+    shares = xr.DataArray(failed[draws].mean(axis=0), numbered, (EXPERIMENT,))
+    return "experiment_failed_share", shares
+
+
+def no_posterior(
+    measured: Experiments, reason: str, level: float
+) -> Iterator[tuple[str, xr.DataArray]]:
+    """Yield the reason in the place of a mean, where runs give no posterior of the unknowns."""
+    unknowns = len(measured.unknown) + len(measured.sizes)
+    nothing = Estimate.without_bounds(np.full(unknowns, np.nan), reason)
+    yield from described_statistics(measured, {"posterior_mean": nothing}, {}, level)
+
+
+def described_statistics(
+    measured: Experiments,
+    estimates: Mapping[str, Estimate],
+    numbers: Mapping[str, FloatArray | float],
+    level: float,
+) -> Iterator[tuple[str, xr.DataArray]]:
+    """Yield statistics of a posterior as arrays, along the unknowns where they are of each.
+
+    Parameters
+    ----------
+    measured : Experiments
+    estimates : mapping of str to Estimate
+        By the names of the catalogue: of shape (unknown,), (unknown, probability) or ().
+    numbers : mapping of str to ndarray or float
+        The same without intervals.
+    level : float
+        Confidence level of the intervals.
+    """
+    names = [*measured.unknown, *(each.name for each in measured.sizes)]
+    shown = [*measured.unknown, *(each.like for each in measured.sizes)]
+    unit_like = np.array(shown, dtype=object)
+    yield "unit_like", xr.DataArray(unit_like, {UNKNOWN: names}, (UNKNOWN,))
+    sizes = {UNKNOWN: names, PROBABILITY: np.array(PROBABILITIES)}
+    for name, estimate in estimates.items():
+        dims = [*sizes][: np.ndim(estimate.value)]
+        title = "unknowns, each in its SI unit" if dims else CALIBRATION_STATISTICS[name].title
+        described: dict[str, Any] = {"units": DIMENSIONLESS, "long_name": title, "level": level}
+        along = {each: sizes[each] for each in dims}
+        yield name, estimate.to_array(*dims, coordinates=along, **described)
+    for name, values in numbers.items():
+        if np.ndim(values):
+            yield name, xr.DataArray(values, {UNKNOWN: names}, (UNKNOWN,))
+            continue
         title = CALIBRATION_STATISTICS[name].title
-        yield name, xr.DataArray(value, attrs={"units": DIMENSIONLESS, "long_name": title})
+        yield name, xr.DataArray(values, attrs={"units": DIMENSIONLESS, "long_name": title})
 
 
 def arviz_groups(

@@ -492,6 +492,18 @@ UNFINISHED_POSTERIOR = (
     "raise at_most"
 )
 FAILED_AT_POSTERIOR = "{share:.0%} of the draws around the posterior failed, and are left out of it"
+STUDENT_OVER_WEIGHTED_DRAWS = "Student's t over weighted draws"
+NO_SURROGATE = (
+    "no posterior: after {draws} draws no surrogate could be fitted and sampled; {share:.0%} of "
+    "those of the prior completed"
+)
+NOT_CONFIRMED = (
+    "not confirmed by the model: {size:.2g} of {draws} weighted draws are effective, so it is the "
+    "posterior by the surrogate"
+)
+RANKS_OF_WEIGHTED_DRAWS = (
+    "at weighted ranks times n / (n + 1), which allows for only n = {size:.3g} effective draws"
+)
 REPLICATES_DIFFER = "the replicates differ: R-hat is {rhat:.3f}, not below 1.01"
 FEW_EFFECTIVE_DRAWS = "the mean is known to {error:.0%} of the standard deviation, not to 5 %"
 ENDED_TOO_EARLY = (

@@ -43,6 +43,7 @@ _POINTS = {
     Sampling.TOWARDS_EVENT: "points that move towards a rare event",
     Sampling.TOWARDS_BOUNDS: "points at bounds over intervals",
     Sampling.POSTERIOR: "draws that move towards a posterior",
+    Sampling.WEIGHTED_POSTERIOR: "draws of posteriors by surrogates",
     Sampling.TOWARDS_MEASUREMENTS: "points that move towards measurements",
     Sampling.AT_EXPERIMENTS: "points at the conditions of experiments",
 }

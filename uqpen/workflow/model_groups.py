@@ -267,11 +267,14 @@ def calibration_statistics(study: ValidatedStudy, runs: xr.Dataset) -> OutputSta
     from uqpen.designs.least_squares import LeastSquares
     from uqpen.statistics.calibration import fit_statistics
     from uqpen.statistics.posterior import posterior_statistics
+    from uqpen.statistics.weighted_posterior import weighted_statistics
 
     level = study.confidence_level
     with one_blas_thread():
         if isinstance(design, LeastSquares):
             return dict(fit_statistics(design, study.joint, runs, level))
+        if design.sampling is Sampling.WEIGHTED_POSTERIOR:
+            return dict(weighted_statistics(design.experiments, runs, level))
         return dict(posterior_statistics(design.experiments, runs, level))
 
 

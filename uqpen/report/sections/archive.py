@@ -78,6 +78,7 @@ _PURPOSES = {
     Sampling.TOWARDS_EVENT: "the probability of a rare event; no sample",
     Sampling.TOWARDS_BOUNDS: "bounds over intervals; no sample",
     Sampling.POSTERIOR: "draws of unknown inputs, moved to their posterior; no sample",
+    Sampling.WEIGHTED_POSTERIOR: "draws of posteriors by surrogates, then weighted; no sample",
     Sampling.TOWARDS_MEASUREMENTS: "unknown inputs from measurements; no sample",
     Sampling.AT_EXPERIMENTS: "a sample at measured experiments",
 }

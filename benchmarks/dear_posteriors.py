@@ -1,0 +1,250 @@
+"""How good posteriors of dear models are: by a surrogate and 180 real runs, against the exact ones.
+
+Tables of docs/coverage/dear_posteriors.md as `seed_table.py` makes them. Values of the unknowns are
+drawn from their priors, then data with errors. The exact posterior is sampled on the model itself.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from argparse import Namespace
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+import numpy.typing as npt
+from scipy.special import ndtr
+from seed_table import Case, Row, SeedTable, lines, per_cent
+
+from uqpen.core.streams import Stream
+from uqpen.core.variables import Output
+from uqpen.designs.posterior import PriorCoordinates, sample_posterior
+from uqpen.measurements import Experiments, MeasuredOutput, MeasuredOutputs, MeasurementErrors
+from uqpen.statistics.weighted_posterior import WeightedPosterior
+from uqpen.surrogates.surrogate_posterior import (
+    RESULT,
+    SurrogatePosterior,
+    search_posterior,
+)
+
+Array = npt.NDArray[np.float64]
+
+
+class Problem(NamedTuple):
+    """A model, at the rows of its measurements, and the errors of these."""
+
+    unknowns: int
+    results: Callable[[Array], Array]  # (run, coordinate) to (run, row); NaN of a failed run
+    std: float
+
+
+def uniform(points: Array, lower: float, upper: float) -> Array:
+    """Return uniform numbers, shape (run, 1), that stand for standard normal ones."""
+    return np.asarray(lower + (upper - lower) * ndtr(points[:, np.newaxis]))
+
+
+TIMES = np.linspace(0.5, 6.0, 12)
+
+
+def oscillation(points: Array) -> Array:
+    """Return the displacement of a damped oscillator at 12 times."""
+    amplitude = uniform(points[:, 0], 0.5, 1.5)
+    damping = uniform(points[:, 1], 0.05, 0.5)
+    frequency = uniform(points[:, 2], 1.0, 3.0)
+    return np.asarray(amplitude * np.exp(-damping * TIMES) * np.cos(frequency * TIMES))
+
+
+def fast_oscillation(points: Array) -> Array:
+    """Return the displacement of one of up to six periods, which 12 times hardly show."""
+    amplitude = uniform(points[:, 0], 0.5, 1.5)
+    damping = uniform(points[:, 1], 0.05, 0.5)
+    frequency = uniform(points[:, 2], 2.0, 6.0)
+    return np.asarray(amplitude * np.exp(-damping * TIMES) * np.cos(frequency * TIMES))
+
+
+def failing_oscillation(points: Array) -> Array:
+    """Return the same, where a run fails in the tenth of the prior with the highest energy."""
+    energy = points[:, 0] + points[:, 2]
+    fails = energy > 1.2815515655446004 * math.sqrt(2)
+    return np.where(fails[:, np.newaxis], np.nan, oscillation(points))
+
+
+def reaction(points: Array) -> Array:
+    """Return the middle two substances of A → B ⇌ C at six times, with three rate constants.
+
+    dB/dt = k1 A - k2 B + k3 C, and C = 1 - A - B.
+    """
+    times = np.linspace(0.5, 5.0, 6)
+    k1, k2, k3 = (np.exp(0.5 * points[:, [place]] + at) for place, at in enumerate((0, -0.5, -1)))
+    a = np.exp(-k1 * times)
+    # B' = k3 + (k1 - k3) A - (k2 + k3) B.
+    total = k2 + k3
+    near = np.abs(total - k1) < 1e-9
+    divisor = np.where(near, 1e-9, total - k1)
+    b = k3 / total * (1 - np.exp(-total * times))
+    b = b + (k1 - k3) * (a - np.exp(-total * times)) / divisor
+    return np.concatenate([b, 1 - a - b], axis=1)
+
+
+PROBLEMS = {
+    "damped oscillation": Problem(3, oscillation, 0.02),
+    "damped oscillation of up to six periods": Problem(3, fast_oscillation, 0.02),
+    "reaction with three rate constants": Problem(3, reaction, 0.01),
+    "damped oscillation, 10 % of the prior fails": Problem(3, failing_oscillation, 0.02),
+}
+
+
+def measurements(problem: Problem, data: Array) -> Experiments:
+    """Return the measurements of a data set: each row is an experiment."""
+    rows = np.arange(len(data))
+    errors = MeasurementErrors(np.full(len(data), problem.std), np.zeros(len(data)))
+    output = MeasuredOutput(Output("y", "1"), rows, {}, data, 0 * rows, rows + 1, errors)
+    names = tuple(f"x{number + 1}" for number in range(problem.unknowns))
+    return Experiments((MeasuredOutputs("data", names, (), (), {}, {}, (output,), len(data)),))
+
+
+def exact_posterior(problem: Problem, measured: Experiments, stream: Stream) -> Array:
+    """Return draws of the posterior, by a long run of the sampler on the model itself."""
+    particles, replicates = 2000, 4
+    sampler = sample_posterior(problem.unknowns, particles, replicates, 10**9, stream)
+    asked, ended, first = next(sampler), dict[int, Array](), 0
+    points = list[Array]()
+    while True:
+        found = measured.log_likelihood(problem.results(asked.points))
+        points.append(asked.points)
+        numbers = first + np.arange(len(found))
+        states = np.where(found >= asked.least, numbers, asked.parent)
+        first += len(found)
+        ended |= {each: states[asked.replicate == each] for each in np.unique(asked.replicate)}
+        try:
+            asked = sampler.send(found)
+        except StopIteration:
+            return np.asarray(np.concatenate(points)[np.concatenate([*ended.values()])])
+
+
+def surrogate_posterior(
+    problem: Problem, measured: Experiments, stream: Stream
+) -> tuple[WeightedPosterior, int]:
+    """Return the posterior by weighted runs, and the number of all runs."""
+    settings = SurrogatePosterior(measured=("data",))
+    search = search_posterior(PriorCoordinates(cast(Any, None), measured), settings, stream)
+    asked, runs = next(search), 0
+    while True:
+        results = problem.results(asked.points)
+        runs += len(results)
+        try:
+            asked = search.send(results)
+        except StopIteration:
+            break
+    assert (asked.search_round == RESULT).all()
+    found = measured.log_likelihood(results)
+    names = measured.unknown
+    return WeightedPosterior(names, asked.points, found, asked.predicted), runs
+
+
+KEYS = ("model",)
+# Ends of the intervals that are compared.
+ENDS = (0.05, 0.95)
+
+
+def _row(name: str, seed: int) -> Row:
+    problem, stream = PROBLEMS[name], Stream(seed, "dear", name)
+    rng = stream.generator("data")
+    while True:  # a run that fails gives no data
+        truth = rng.standard_normal(problem.unknowns)
+        exact_data = problem.results(truth[np.newaxis])[0]
+        if np.isfinite(exact_data).all():
+            break
+    data = exact_data + problem.std * rng.standard_normal(len(exact_data))
+    measured = measurements(problem, data)
+    exact = exact_posterior(problem, measured, stream.child("exact"))
+    found, runs = surrogate_posterior(problem, measured, stream.child("search"))
+    mean, std = exact.mean(axis=0), exact.std(axis=0)
+    low, high = (found.quantile(end) for end in ENDS)
+    exact_low, exact_high = (np.quantile(exact, end, axis=0) for end in ENDS)
+    alone = found.of_surrogate()
+    errors = {
+        "error": (found.mean.value - mean) / std,
+        "surrogate_error": (alone.mean.value - mean) / std,
+        "std_ratio": found.std.value / std,
+    }
+    return {
+        **{f"{key}_{at}": float(x) for key, each in errors.items() for at, x in enumerate(each)},
+        "holds": int(((low <= truth) & (truth <= high)).sum()),
+        "exact_holds": int(((exact_low <= truth) & (truth <= exact_high)).sum()),
+        "narrower": float((1 / std).max()),
+        "effective": found.effective_draws,
+        "confirmed": int(found.is_confirmed),
+        "failed": int(np.isnan(found.log_likelihood).sum()),
+        "runs": runs,
+    }
+
+
+def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
+    for seed in seeds:
+        yield _row(str(case[0]), seed)
+
+
+def _columns(rows: Sequence[Row], key: str) -> Array:
+    """Return a number of each unknown of each data set, shape (data set, unknown)."""
+    return np.array([[row[f"{key}_{place}"] for place in range(3)] for row in rows])
+
+
+def _by_model(rows: Sequence[Row]) -> Iterator[tuple[str, list[Row]]]:
+    for name in PROBLEMS:
+        if own := [row for row in rows if row["model"] == name]:
+            yield name, own
+
+
+def _posteriors(rows: Sequence[Row]) -> Iterator[str]:
+    head = ["model", "data sets", "runs", "error of mean [sd]: median, worst"]
+    head += ["by the surrogate alone", "ratio of sd", "holds truth", "exact holds truth"]
+    head += ["effective of 60", "confirmed"]
+    cells = []
+    for name, own in _by_model(rows):
+        count = len(own)
+        error, alone = (np.abs(_columns(own, key)) for key in ("error", "surrogate_error"))
+        held = [per_cent(sum(row[key] for row in own), 3 * count) for key in HOLDS]
+        cells.append(
+            [
+                name,
+                count,
+                f"{np.median([row['runs'] for row in own]):.0f}",
+                *(f"{np.median(each):.2f}, {each.max():.2f}" for each in (error, alone)),
+                f"{np.median(_columns(own, 'std_ratio')):.2f}",
+                *(f"{each} %" for each in held),
+                f"{np.median([row['effective'] for row in own]):.0f}",
+                f"{per_cent(sum(row['confirmed'] for row in own), count)} %",
+            ]
+        )
+    yield from lines(head, cells)
+
+
+HOLDS = ("holds", "exact_holds")
+# Largest error of a confirmed mean, in standard deviations of the posterior, and largest difference
+# of the shares of intervals that hold the truth.
+MOST_OFF, MOST_APART = 1.0, 0.05
+
+
+def _failing(rows: Sequence[Row]) -> Iterator[str]:
+    for name, own in _by_model(rows):
+        confirmed = [row for row in own if row["confirmed"]]
+        if (worst := float(np.abs(_columns(confirmed, "error")).max(initial=0))) > MOST_OFF:
+            yield f"{name}: a mean is off by {worst:.2f} standard deviations"
+        held, exact = (sum(row[key] for row in own) / (3 * len(own)) for key in HOLDS)
+        if abs(held - exact) > MOST_APART:
+            yield f"{name}: {held:.1%} of intervals hold the truth, of exact ones {exact:.1%}"
+
+
+TABLE = SeedTable(
+    KEYS,
+    lambda: [(name,) for name in PROBLEMS],
+    _rows,
+    {"dear posteriors": _posteriors},
+    _failing,
+    seeds=30,
+)
+
+if __name__ == "__main__":
+    sys.exit(TABLE.main(__doc__))
