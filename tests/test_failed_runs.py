@@ -94,9 +94,11 @@ def _made(kind, folder):
 # have that in place of estimates of outputs: see `test_rare_events`, `test_importance_sampling`,
 # `test_form` and `test_active_learning`. The designs of SALib have analyses of their own: see
 # `test_salib_analyses`, and bounds over intervals a test of their own: see `test_interval_bounds`.
+# What follows measurements has no estimates of outputs: see `test_least_squares`, `test_posterior`.
 RARE_EVENTS = {"subset-simulation", "importance-sampling", "form", "active-learning"}
 OF_SALIB = {kind for kind in DESIGNS if kind.startswith("salib:")}
-ELSEWHERE = {"data", "multifidelity", "interval-bounds"} | RARE_EVENTS | OF_SALIB
+MEASURED = {kind for kind in DESIGNS if kind.startswith(("least-squares", "posterior"))}
+ELSEWHERE = {"data", "multifidelity", "interval-bounds"} | RARE_EVENTS | OF_SALIB | MEASURED
 
 
 @pytest.mark.parametrize("kind", sorted(DESIGNS.keys() - ELSEWHERE))
