@@ -29,7 +29,7 @@ _NOTE = "Bars are two standard deviations."
 
 
 def measurement_charts(view: ArchiveView) -> Iterator[Charts]:
-    """Yield the charts of each measured output by each design."""
+    """Measured values beside the model, by each design."""
     for of in measured_rows(view.tree):
         if "measured" in of.statistics:
             found = (of.values("predicted_mean"), of.values("predicted_std"))
@@ -45,7 +45,7 @@ def measurement_charts(view: ArchiveView) -> Iterator[Charts]:
 
 
 def posterior_charts(view: ArchiveView) -> Iterator[Charts]:
-    """Yield the draws of each posterior beside those of its prior, and pairs of unknowns."""
+    """Draws of each posterior beside those of its prior, and pairs."""
     for design in group_names(view.tree, CALIBRATIONS):
         both = [
             read_group(view.tree, CALIBRATIONS, design, name) for name in ("prior", "posterior")
