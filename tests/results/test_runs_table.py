@@ -164,6 +164,7 @@ DESIGN_TABLES = {
     "table": 'file = "points.csv"',
     "least-squares": f"at_most = 100\n{MEASURED}",
     "posterior": f"particles = 100\nat_most = 2_000\n{MEASURED}",
+    "posterior-by-surrogate": f"runs = 20\nbatches = 1\nbatch = 10\nconfirm = 30\n{MEASURED}",
     "interval-bounds": 'events = ["y > 5"]\npilot = 50\nruns = 30',
 }
 
