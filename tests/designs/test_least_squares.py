@@ -313,3 +313,17 @@ std = "5 %"
         stops=(2, 6, 9),
         depth="(1 + a + a**2) * (1 + 0.1 * b)",
     )
+
+
+def test_each_of_two_searches_has_its_own_settings():
+    designs = {
+        name: LeastSquares(measured=("decay",), profile=name == "whole")
+        for name in ("whole", "short")
+    }
+    units = {"amount": "kg", "rate": "1/s", "idle": "1"}
+    left = uqpen.OutputSpec(unit="kg", along={"time": {"values": TIMES.tolist(), "unit": "s"}})
+    model = uqpen.PythonModel(decayed, units, {"left": left}, vectorized=True)
+    both = uqpen.Study(model, INPUTS, designs=designs, measured={"decay": DECAY}, seed=1)
+    found = uqpen.run(both)["calibrations"]
+    assert np.isfinite(found["whole/profile_value"].values).all()
+    assert "no profile was asked for" in str(found["short/profile_value"].attrs)

@@ -54,8 +54,8 @@ class Group:
     # Reference to a function of the group. It yields faults that the records do not show, each with
     # the path below the group.
     check: str = ""
-    # Of statistics of a design's runs as a whole: reference to a function of the study and these
-    # runs, which returns the statistics.
+    # Of statistics of a design's runs as a whole: reference to a function of the study, the name of
+    # the design and these runs, which returns the statistics.
     writer: str = ""
     # False for what `uqpen verify` does not compute again from the archived runs.
     is_repeated: bool = True

@@ -18,7 +18,6 @@ from uqpen.core.labels import (
     CITED,
     COST_SPENT,
     DIFFERENCES,
-    DISCREPANCY,
     LARGEST_CONTRIBUTION,
     MAGNITUDES,
     MEASURED,
@@ -206,9 +205,10 @@ def _design_groups(
     is_kept = study.designs[design].keep == KEPT_RUNS
     yield f"/{RUNS}/{design}", whole if is_kept else record_causes(omit_runs(whole), whole)
     for name, group in DESIGN_GROUPS.items():
-        if statistics := resolve(group.writer)(study, runs):
+        if statistics := resolve(group.writer)(study, design, runs):
             yield f"/{name}/{design}", pack(statistics)
-    if runs.attrs[SAMPLING] == Sampling.POSTERIOR and (made := _measured_design(study, runs)):
+    made = study.designs[design]
+    if isinstance(made, MeasuredDesign) and made.sampling is Sampling.POSTERIOR:
         from uqpen.statistics.posterior import arviz_groups
 
         stream = Stream(study.seed, CALIBRATIONS, design)
@@ -217,12 +217,12 @@ def _design_groups(
                 yield f"/{CALIBRATIONS}/{design}/{name}", of_draws
 
 
-def failure_statistics(study: ValidatedStudy, runs: xr.Dataset) -> OutputStatistics:
+def failure_statistics(study: ValidatedStudy, design: str, runs: xr.Dataset) -> OutputStatistics:
     """Return the statistics of the failed runs of a design."""
     return analyze_failures(runs, study.confidence_level)
 
 
-def joint_statistics(study: ValidatedStudy, runs: xr.Dataset) -> OutputStatistics:
+def joint_statistics(study: ValidatedStudy, design: str, runs: xr.Dataset) -> OutputStatistics:
     """Return the probabilities of the events of a study, and how they change with the inputs."""
     if not study.joint_events and runs.attrs[SAMPLING] != Sampling.TOWARDS_EVENT:
         return {}
@@ -244,7 +244,7 @@ def joint_statistics(study: ValidatedStudy, runs: xr.Dataset) -> OutputStatistic
     return mark_uncertified({"": found}, runs.attrs)[""]
 
 
-def bound_statistics(study: ValidatedStudy, runs: xr.Dataset) -> OutputStatistics:
+def bound_statistics(study: ValidatedStudy, design: str, runs: xr.Dataset) -> OutputStatistics:
     """Return the bounds of the probabilities of events over the intervals of a study."""
     if runs.attrs[SAMPLING] == Sampling.OVER_BOX and study.joint_events:
         from uqpen.statistics.statistics_over_unknowns import event_bounds_over_boxes
@@ -259,10 +259,12 @@ def bound_statistics(study: ValidatedStudy, runs: xr.Dataset) -> OutputStatistic
     return event_bounds(runs, study.confidence_level)
 
 
-def calibration_statistics(study: ValidatedStudy, runs: xr.Dataset) -> OutputStatistics:
+def calibration_statistics(
+    study: ValidatedStudy, design: str, runs: xr.Dataset
+) -> OutputStatistics:
     """Return what runs that follow measurements say of the unknowns; none of other designs."""
-    design = _measured_design(study, runs)
-    if design is None:
+    made = study.designs[design]
+    if not isinstance(made, MeasuredDesign):
         return {}
     from uqpen.designs.least_squares import LeastSquares
     from uqpen.statistics.calibration import fit_statistics
@@ -271,23 +273,11 @@ def calibration_statistics(study: ValidatedStudy, runs: xr.Dataset) -> OutputSta
 
     level = study.confidence_level
     with one_blas_thread():
-        if isinstance(design, LeastSquares):
-            return dict(fit_statistics(design, study.joint, runs, level))
-        if design.sampling is Sampling.WEIGHTED_POSTERIOR:
-            return dict(weighted_statistics(design.experiments, runs, level))
-        return dict(posterior_statistics(design.experiments, runs, level))
-
-
-def _measured_design(study: ValidatedStudy, runs: xr.Dataset) -> MeasuredDesign | None:
-    """Return the design whose runs follow measurements; None for those of other designs."""
-    designs = (each for each in study.designs.values() if isinstance(each, MeasuredDesign))
-    names = SAMPLING, MEASURED, DISCREPANCY
-    of_runs = tuple(str(runs.attrs.get(name, "")) for name in names)
-    for each in designs:
-        own = each.experiments.name, each.experiments.discrepancy_text
-        if (str(each.sampling), *own) == of_runs:
-            return each
-    return None
+        if isinstance(made, LeastSquares):
+            return dict(fit_statistics(made, study.joint, runs, level))
+        if made.sampling is Sampling.WEIGHTED_POSTERIOR:
+            return dict(weighted_statistics(made.experiments, runs, level))
+        return dict(posterior_statistics(made.experiments, runs, level))
 
 
 def _validation_groups(
