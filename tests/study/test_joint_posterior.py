@@ -136,3 +136,16 @@ def test_the_page_has_draws_of_the_prior_and_the_posterior(chains):
     (of_rows,) = measurement_charts(view)
     assert of_rows.charts[0].source == "fit"
     assert "prior and posterior by fit" in report_page(tree)
+
+
+def test_the_page_has_an_unknown_size_of_errors_in_the_unit_of_its_output(chains):
+    text = TAUGHT.replace('"0.1 m"', '{ half-normal = "0.5 m" }').replace('"a", "b"', '"a"')
+    text = text.replace("unknown =", 'fixed = ["b"]\nunknown =')
+    tree = uqpen.run(parse_study(f'{text}[outputs.y]\nunit = "cm"\n', folder=chains))
+    (charts,) = posterior_charts(select_view(tree, None, None, None))
+    titles = [each.x.title for each in charts.charts]
+    assert titles[:2] == ["a [m]", "std of y [cm]"]
+    edges = charts.charts[1].marks[0].edges
+    exact = tree["calibrations/fit/posterior/std of y"].values
+    assert edges[-1] >= 100 * exact.max()
+    assert "std of y" in report_page(tree)

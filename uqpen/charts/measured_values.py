@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from itertools import combinations
-from typing import Any
 
 import numpy as np
-import xarray as xr
 
 from uqpen.archive.groups import group_names, read_group
 from uqpen.charts.chart import Axis, Chart, Charts, LegendKey
 from uqpen.charts.marks import Band, Bars, Dots, Line, Mark, Points, Rule
 from uqpen.core.arrays import FloatArray, evenly_spread
-from uqpen.core.labels import CALIBRATIONS
+from uqpen.core.labels import CALIBRATIONS, RUNS, UNKNOWN
 from uqpen.results.archive_view import ArchiveView
+from uqpen.results.calibrations import unknown_unit
 from uqpen.results.digits import count_text, number_text
 from uqpen.results.texts import title_with_unit, unit_suffix
 from uqpen.results.validations import MeasuredRows, fitted_rows, measured_rows
@@ -47,52 +46,53 @@ def measurement_charts(view: ArchiveView) -> Iterator[Charts]:
 def posterior_charts(view: ArchiveView) -> Iterator[Charts]:
     """Draws of each posterior beside those of its prior, and pairs."""
     for design in group_names(view.tree, CALIBRATIONS):
-        both = [
+        before, after = (
             read_group(view.tree, CALIBRATIONS, design, name) for name in ("prior", "posterior")
+        )
+        if not after.data_vars:
+            continue
+        runs = read_group(view.tree, RUNS, design)
+        likes = read_group(view.tree, CALIBRATIONS, design)["unit_like"]
+        prior, posterior, titles = {}, {}, {}
+        for like in likes[:_MOST_UNKNOWNS]:
+            name = str(like[UNKNOWN].item())
+            unit, convert = unknown_unit(name, str(like.item()), runs)
+            prior[name], posterior[name] = (
+                convert(np.asarray(each[name].values, dtype=np.float64).ravel())
+                for each in (before, after)
+            )
+            titles[name] = title_with_unit(name, unit)
+        charts = [
+            _prior_and_posterior(view, design, name, title, prior[name], posterior[name])
+            for name, title in titles.items()
         ]
-        if both[1].data_vars:
-            prior, posterior = (
-                {str(name): _shown(view, name, group[name]) for name in group.data_vars}
-                for group in both
-            )
-            charts = [
-                _prior_and_posterior(view, design, name, prior[name], posterior[name])
-                for name in [*posterior][:_MOST_UNKNOWNS]
-            ]
-            names = [*posterior][:_MOST_UNKNOWNS]
-            pairs = sorted(
-                combinations(names, 2),
-                key=lambda pair: -abs(_rank_correlation(posterior[pair[0]], posterior[pair[1]])),
-            )
-            charts += [_pair(view, design, pair, prior, posterior) for pair in pairs[:_MOST_PAIRS]]
-            keys = (
-                LegendKey("posterior", view.series(design), "bar"),
-                LegendKey("prior", "quiet", "line"),
-            )
-            yield Charts(tuple(charts), keys=keys)
-
-
-def _rank_correlation(one: FloatArray, other: FloatArray) -> float:
-    ranks = np.array([np.argsort(np.argsort(each)) for each in (one, other)])
-    return float(np.corrcoef(ranks)[0, 1])
-
-
-def _shown(view: ArchiveView, name: Any, draws: xr.DataArray) -> FloatArray:
-    """Return draws of an unknown in the unit that it is shown in."""
-    values = np.asarray(draws.values, dtype=np.float64).ravel()
-    shown: FloatArray = view.scale(str(name)).from_si(values)
-    return shown
+        ranks = [np.argsort(np.argsort(each)) for each in posterior.values()]
+        dependence = np.abs(np.atleast_2d(np.corrcoef(ranks)))
+        places = combinations(range(len(titles)), 2)
+        for pair in sorted(places, key=lambda pair: -dependence[pair])[:_MOST_PAIRS]:
+            named = tuple([*titles][place] for place in pair)
+            charts.append(_pair(view, design, named, titles, prior, posterior))
+        keys = (
+            LegendKey("posterior", view.series(design), "bar"),
+            LegendKey("prior", "quiet", "line"),
+        )
+        yield Charts(tuple(charts), keys=keys)
 
 
 def _prior_and_posterior(
-    view: ArchiveView, design: str, name: str, prior: FloatArray, posterior: FloatArray
+    view: ArchiveView,
+    design: str,
+    name: str,
+    title: str,
+    prior: FloatArray,
+    posterior: FloatArray,
 ) -> Chart:
     edges = np.histogram_bin_edges(np.concatenate([prior, posterior]), _BINS)
     before, after = (np.histogram(each, edges)[0] / len(each) for each in (prior, posterior))
     return Chart(
         title=name,
         summary=f"Draws of {name}: prior and posterior by {design}.",
-        x=Axis(view.axis_label(name)),
+        x=Axis(title),
         y=Axis("share of the draws"),
         marks=(
             Bars(edges, after, view.series(design), "%{x}<br>%{y:.2~f}"),
@@ -105,7 +105,8 @@ def _prior_and_posterior(
 def _pair(
     view: ArchiveView,
     design: str,
-    pair: tuple[str, str],
+    pair: tuple[str, ...],
+    titles: Mapping[str, str],
     prior: Mapping[str, FloatArray],
     posterior: Mapping[str, FloatArray],
 ) -> Chart:
@@ -115,8 +116,8 @@ def _pair(
     return Chart(
         title=f"{other} against {one}",
         summary=f"Draws of {one} and {other}: prior and posterior by {design}.",
-        x=Axis(view.axis_label(one)),
-        y=Axis(view.axis_label(other)),
+        x=Axis(titles[one]),
+        y=Axis(titles[other]),
         marks=(
             Points(prior[one][before], prior[other][before], "quiet", name="prior", opacity=0.3),
             Points(posterior[one][rows], posterior[other][rows], view.series(design), name=design),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
@@ -22,10 +23,11 @@ from uqpen.core.labels import (
     UNKNOWN,
 )
 from uqpen.core.units import scale
-from uqpen.results.digits import estimate_text, number_text
+from uqpen.results.digits import count_text, estimate_text, number_text
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.table import NOTHING, OutputTable, label_with_unit, shown_unit
 from uqpen.results.texts import capitalized, unit_suffix
+from uqpen.results.validations import UNLIKELY
 
 
 def calibration_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
@@ -109,7 +111,7 @@ def _posterior_sentences(found: Mapping[str, xr.DataArray], runs: xr.Dataset) ->
             rest.append(name)
             continue
         like = str(found["unit_like"].values[place])
-        unit, convert = _unit_of(name, like, runs)
+        unit, convert = unknown_unit(name, like, runs)
         at = {UNKNOWN: place}
         ends = [
             float(found["posterior_quantile"][at].sel({PROBABILITY: each}).values[0])
@@ -139,7 +141,58 @@ def _verdict(found: Mapping[str, xr.DataArray]) -> str:
     return f"The posterior is not sampled well: {faults}."
 
 
-def _unit_of(
+def fit_statements(tree: xr.DataTree) -> Iterator[tuple[str, str]]:
+    """Yield what each search for least squares says, below a head of a few words."""
+    statistics = SourceStatistics(tree)
+    for design in group_names(tree, CALIBRATIONS):
+        found = statistics.of_runs(CALIBRATIONS, design)
+        if "unknown_value" in found:
+            runs = read_group(tree, RUNS, design)
+            yield design, " ".join(_fit_sentences(found, runs))
+
+
+def _fit_sentences(found: Mapping[str, xr.DataArray], runs: xr.Dataset) -> Iterator[str]:
+    p_value, values = float(found["fit_p_value"]), found["measured"].size
+    what = f"{count_text(values, 'measured value')} of {runs.attrs[MEASURED]}"
+    if math.isnan(p_value):
+        yield f"The model is fitted to {what}, whose scatter gives the size of their errors."
+    elif p_value < UNLIKELY:
+        yield f"The model does not fit {what}, even at its best (p = {number_text(p_value, 2)})."
+    else:
+        yield f"The model fits {what} (p = {number_text(p_value, 2)})."
+    names = found["unknown_value"][UNKNOWN].values.tolist()
+    taught, rest = [], []
+    for place, name in enumerate(names):
+        error, prior = (float(found[key][place]) for key in ("standard_error", "prior_std"))
+        if not error < (1 - _HARDLY_LEARNT) * prior:
+            rest.append(name)
+            continue
+        unit = shown_unit(runs[name].attrs)
+        shown = scale(unit).from_si(found["unknown_value"].values[place])
+        taught.append(f"{name} = {estimate_text(*shown.tolist())}{unit_suffix(unit)}")
+    if taught:
+        yield f"They give {', '.join(taught)}."
+    if rest:
+        yield f"They say nothing on {', '.join(rest)} alone."
+        error = float(found["combination_error"][0])
+        if error < 1 - _HARDLY_LEARNT and len(names) > 1:
+            # Its module loads the search, which an archive without one does not need.
+            from uqpen.statistics.calibration import Combination
+
+            text = Combination(found["combination_weight"].values[0], error).text(names)
+            yield (
+                f"The combination {text}, each in standard deviations of its prior, is known to "
+                f"{number_text(error, 2)}."
+            )
+    correlation = float(found["residual_correlation"])
+    if abs(correlation) > 2 / math.sqrt(values):
+        yield (
+            f"The residuals follow each other (lag-1 correlation {number_text(correlation, 2)}): "
+            "the model lacks something, or errors that are stated as independent are not."
+        )
+
+
+def unknown_unit(
     name: str, like: str, runs: xr.Dataset
 ) -> tuple[str, Callable[[FloatArray], FloatArray]]:
     """Return the unit in which an unknown is shown, and its conversion from SI."""
@@ -157,7 +210,7 @@ def _posterior_table(
     names = found["posterior_mean"][UNKNOWN].values.tolist()
     for place, name in enumerate(names):
         at = {UNKNOWN: place}
-        unit, convert = _unit_of(name, str(found["unit_like"].values[place]), runs)
+        unit, convert = unknown_unit(name, str(found["unit_like"].values[place]), runs)
         shown = scale(unit)
         cells = [table.cell(found["posterior_mean"][at], convert)]
         if "posterior_std" in found:

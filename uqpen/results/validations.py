@@ -16,11 +16,9 @@ from uqpen.archive.groups import group_names, read_group
 from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import (
     CALIBRATIONS,
-    MEASURED,
     MEASURED_CONDITION,
     MEASURED_ROW,
     RUNS,
-    UNKNOWN,
     VALIDATION,
 )
 from uqpen.core.statistic import AcceptanceVerdict
@@ -42,8 +40,6 @@ from uqpen.results.texts import unit_suffix
 _MOST_ROWS = 20
 # Below this p value, agreement is unlikely; the level of the joint test.
 UNLIKELY = 0.05
-# Where measurements leave this share of a prior's standard deviation, they teach next to nothing.
-_HARDLY_LEARNT = 0.95
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,57 +158,6 @@ def _sentences(of: MeasuredRows) -> Iterator[str]:
     if used is not None and used.values.any():
         number = count_text(int(used.values.sum()), "value")
         yield f"Inputs were fitted to {number} of them, which no test counts."
-
-
-def fit_statements(tree: xr.DataTree) -> Iterator[tuple[str, str]]:
-    """Yield what each search for least squares says, below a head of a few words."""
-    statistics = SourceStatistics(tree)
-    for design in group_names(tree, CALIBRATIONS):
-        found = statistics.of_runs(CALIBRATIONS, design)
-        if "unknown_value" in found:
-            runs = read_group(tree, RUNS, design)
-            yield design, " ".join(_fit_sentences(found, runs))
-
-
-def _fit_sentences(found: Mapping[str, xr.DataArray], runs: xr.Dataset) -> Iterator[str]:
-    p_value, values = float(found["fit_p_value"]), found["measured"].size
-    what = f"{count_text(values, 'measured value')} of {runs.attrs[MEASURED]}"
-    if math.isnan(p_value):
-        yield f"The model is fitted to {what}, whose scatter gives the size of their errors."
-    elif p_value < UNLIKELY:
-        yield f"The model does not fit {what}, even at its best (p = {number_text(p_value, 2)})."
-    else:
-        yield f"The model fits {what} (p = {number_text(p_value, 2)})."
-    names = found["unknown_value"][UNKNOWN].values.tolist()
-    taught, rest = [], []
-    for place, name in enumerate(names):
-        error, prior = (float(found[key][place]) for key in ("standard_error", "prior_std"))
-        if not error < _HARDLY_LEARNT * prior:
-            rest.append(name)
-            continue
-        unit = shown_unit(runs[name].attrs)
-        shown = scale(unit).from_si(found["unknown_value"].values[place])
-        taught.append(f"{name} = {estimate_text(*shown.tolist())}{unit_suffix(unit)}")
-    if taught:
-        yield f"They give {', '.join(taught)}."
-    if rest:
-        yield f"They say nothing on {', '.join(rest)} alone."
-        error = float(found["combination_error"][0])
-        if error < _HARDLY_LEARNT and len(names) > 1:
-            # Its module loads the search, which an archive without one does not need.
-            from uqpen.statistics.calibration import Combination
-
-            text = Combination(found["combination_weight"].values[0], error).text(names)
-            yield (
-                f"The combination {text}, each in standard deviations of its prior, is known to "
-                f"{number_text(error, 2)}."
-            )
-    correlation = float(found["residual_correlation"])
-    if abs(correlation) > 2 / math.sqrt(values):
-        yield (
-            f"The residuals follow each other (lag-1 correlation {number_text(correlation, 2)}): "
-            "the model lacks something, or errors that are stated as independent are not."
-        )
 
 
 # Tables.

@@ -25,7 +25,7 @@ from uqpen.models.outcomes import COMPLETED
 from uqpen.report.blocks import Finding, Fold, Heading
 from uqpen.results.acceptance import Acceptance
 from uqpen.results.archive_view import ArchiveView, output_heading, output_title
-from uqpen.results.calibrations import posterior_statements
+from uqpen.results.calibrations import fit_statements, posterior_statements
 from uqpen.results.digits import (
     count_text,
     estimate_texts,
@@ -45,7 +45,7 @@ from uqpen.results.table import (
     output_names,
 )
 from uqpen.results.texts import capitalized, plain_text, typeset_quantity, unit_suffix
-from uqpen.results.validations import fit_statements, validation_statements
+from uqpen.results.validations import validation_statements
 
 # Quantities in sentences, with their estimates by design.
 
