@@ -327,7 +327,7 @@ class Experiments:
 
     @cached_property
     def censoring(self) -> IntArray:
-        """What each row is: `AT_LEAST`, `EXACTLY` or `AT_MOST`; shape (row,)."""
+        """Censoring of each row: `AT_LEAST`, `EXACTLY` or `AT_MOST`; shape (row,)."""
         return np.concatenate([each.censoring for _, each in self.outputs])
 
     @cached_property

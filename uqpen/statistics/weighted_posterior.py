@@ -61,7 +61,7 @@ class WeightedPosterior:
 
     @property
     def is_confirmed(self) -> bool:
-        """Whether the weights by the model are the result."""
+        """True if the weights by the model are the result."""
         return self.effective_draws >= _CONFIRMED * len(self.values)
 
     def of_surrogate(self) -> WeightedPosterior:

@@ -49,7 +49,7 @@ from uqpen.surrogates.archived_surrogate import is_restorable
 
 
 def measurements(view: ArchiveView) -> Iterator[Block]:
-    """What measurements say of the model, its charts and a row for each measured value."""
+    """Charts of the model beside the measurements, and a row for each measured value."""
     for charts in measurement_charts(view):
         first = charts.charts[0]
         yield Heading(f"{output_heading(view, first.of)} by {first.source}")
