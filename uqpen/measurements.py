@@ -591,7 +591,6 @@ class Experiments:
         self,
         predicted: FloatArray,
         sizes: FloatArray | None = None,
-        slopes: FloatArray | None = None,
         added: FloatArray | None = None,
     ) -> FloatArray:
         """Return the logarithm of the likelihood of results, shape (draw,).
@@ -602,8 +601,6 @@ class Experiments:
             NaN where a run failed.
         sizes : ndarray, shape (draw, size), optional
             Values of `sizes`.
-        slopes : ndarray, shape (moved, row), optional
-            As in `covariance`.
         added : ndarray, shape (draw, row, row), optional
             Covariance that each draw has beside that of the errors.
         """
@@ -613,13 +610,13 @@ class Experiments:
         depends = any(each.errors.depends_on_model for _, each in self.outputs) or drawn.size
         more = np.zeros((len(predicted), 1, 1)) if added is None else added
         if not depends and added is None and len(completed):
-            covariance = self.covariance(predicted[completed[0]], (), slopes)
+            covariance = self.covariance(predicted[completed[0]])
             found[completed] = self.likelihood(covariance).log_density(predicted[completed])
             return found
         if (self.censoring == EXACTLY).all():
             at_once = max(1, _MOST_ENTRIES // len(self.values) ** 2)
             for part in np.split(completed, range(at_once, len(completed), at_once)):
-                covariance = self.covariance(predicted[part], drawn[part], slopes) + more[part]
+                covariance = self.covariance(predicted[part], drawn[part]) + more[part]
                 # A share of a result that is 0 allows no other measured value.
                 known = (np.diagonal(covariance, axis1=-2, axis2=-1) > 0).all(axis=-1)
                 part, lower = part[known], np.linalg.cholesky(covariance[known])
@@ -630,7 +627,7 @@ class Experiments:
                 found[part] -= logarithms
             return found
         for draw in completed.tolist():
-            covariance = self.covariance(predicted[draw], drawn[draw], slopes) + more[draw]
+            covariance = self.covariance(predicted[draw], drawn[draw]) + more[draw]
             at = slice(draw, draw + 1)
             found[at] = self.likelihood(covariance).log_density(predicted[at])
         return found
