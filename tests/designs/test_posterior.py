@@ -273,7 +273,13 @@ def test_a_study_keeps_the_posterior_of_a_line(tmp_path):
 def test_groups_are_those_that_arviz_reads(tmp_path):
     kept = calibrated(tmp_path, POSTERIOR)["calibrations/fit"]
     groups = ["posterior", "posterior_predictive", "log_likelihood", "prior", "prior_predictive"]
-    assert [*kept.children] == [*groups, "observed_data", "sample_stats"]
+    others = ["log_prior", "observed_data", "constant_data", "sample_stats"]
+    assert [*kept.children] == [*groups, *others]
+    for name in "ab":
+        exact = stats.norm.logpdf(kept[f"posterior/{name}"], 0, 10)
+        assert kept[f"log_prior/{name}"].values == pytest.approx(exact, rel=1e-12)
+    assert kept["constant_data/y_x"].values.tolist() == [0, 1, 2, 3]
+    assert kept["constant_data/y_experiment"].values.tolist() == [1, 1, 1, 1]
     # Errors are independent, so the rows' parts add up to the whole.
     rows, whole = kept["log_likelihood/y"], kept["sample_stats/log_likelihood"]
     assert rows.sum("y_row").values == pytest.approx(whole.values)
@@ -320,7 +326,10 @@ def test_sizes_of_errors_are_drawn_beside_the_inputs(tmp_path):
     kept = tree["calibrations/fit"]
     assert kept["unknown_input"].values.tolist() == ["a", "b", "std of y"]
     assert kept["prior_std"].values[2] == pytest.approx(0.5 * math.sqrt(1 - 2 / math.pi), rel=0.05)
-    assert kept["posterior/std of y"].min() > 0
+    sizes = kept["posterior/std of y"]
+    assert sizes.min() > 0
+    exact = stats.halfnorm.logpdf(sizes, scale=0.5)
+    assert kept["log_prior/std of y"].values == pytest.approx(exact, rel=1e-12)
     assert "error_std_1" in tree["runs/fit"].coords
 
 
@@ -388,6 +397,7 @@ def test_priors_may_depend_on_each_other(tmp_path):
     model = "def line(a, b):\n    return {'y': [a]}\n"
     kept = calibrated(tmp_path, text.replace("[measured.line]", f"{head}[measured.line]", 1), model)
     kept = kept["calibrations/fit"]
+    assert "log_prior" not in kept.children  # none has a density of its own beside the other's
     # Of two normal inputs, what is measured of one teaches the other by their correlation.
     weight = 100 / 101
     std = 10 * np.sqrt(1 - np.array([1, 0.64]) * weight)

@@ -68,7 +68,7 @@ def test_one_of_its_variables_may_be_taken_alone(chains):
     [
         ('units = { a = "cm" }', "", 'column "a" is in "1"; expected a length'),
         ("chains.nc", "chain.nc", "found there is no file"),
-        ("chains.nc", "chains.nc:fit", 'has no group "calibrations/fit/posterior"'),
+        ("chains.nc", "chains.nc:fit", "is a NetCDF file, but not an archive of uqpen's"),
         ("chains.nc", "sum.py", "cannot be read as NetCDF"),
         (
             'units = { a = "cm" }',
@@ -104,15 +104,20 @@ particles = 100
 """
 
 
+def next_study(sampled):
+    """Return a study whose inputs a and b are the draws of an archive's design."""
+    start, end = TAUGHT.index("[inputs]"), TAUGHT.index("[measured")
+    joint = f'[inputs]\nc = "1 m"\n[joint.taught]\nposterior = "{sampled}"\n'
+    design = '[designs.next]\nkind = "monte-carlo"\nruns = 60\nat = "rows"\n'
+    return TAUGHT[:start] + joint + TAUGHT[end : TAUGHT.index("[designs")] + design
+
+
 def test_the_next_study_has_the_draws_to_the_bit_and_knows_what_has_taught_them(chains):
     uqpen.make_archive(parse_study(TAUGHT, folder=chains), chains / "taught.nc")
     draws = uqpen.open_archive(chains / "taught.nc")["calibrations/fit/posterior"].to_dataset()
-    start, end = TAUGHT.index("[inputs]"), TAUGHT.index("[measured")
-    joint = '[inputs]\nc = "1 m"\n[joint.taught]\nposterior = "taught.nc:fit"\n'
-    text = TAUGHT[:start] + joint + TAUGHT[end : TAUGHT.index("[designs")]
+    text = next_study("taught.nc:fit")
     # A row of the fit, and one that is new.
     text = text.replace("[1, 2, 3]", "[3, 4]").replace("[4.1, 5.0, 5.8]", "[5.8, 7.0]")
-    text += '[designs.next]\nkind = "monte-carlo"\nruns = 60\nat = "rows"\n'
     text += '[validation.rows]\naccept = { y = "10 m" }\n'
     study = parse_study(text, folder=chains)
     (group,) = study.joint.groups
@@ -123,6 +128,40 @@ def test_the_next_study_has_the_draws_to_the_bit_and_knows_what_has_taught_them(
     assert found["row_verdict"].values.tolist() == ["not decided", "met"]
     # What the fit knows of the sum is in the predictions, and no more.
     assert found["predicted_std"].values == pytest.approx([0.1 / np.sqrt(3)] * 2, rel=0.4)
+
+
+SEARCHED = (
+    TAUGHT.partition("[designs")[0]
+    + """[designs.fit]
+kind = "posterior-by-surrogate"
+measured = ["rows"]
+runs = 20
+batches = 1
+batch = 5
+confirm = 30
+"""
+)
+
+
+def test_draws_of_a_posterior_by_a_surrogate_keep_their_weights(chains):
+    uqpen.make_archive(parse_study(SEARCHED, folder=chains), chains / "taught.nc")
+    kept = uqpen.open_archive(chains / "taught.nc")["calibrations/fit"]
+    draws = kept["weighted_posterior"].to_dataset()
+    (group,) = parse_study(next_study("taught.nc:fit"), folder=chains).joint.groups
+    assert (group.rows == np.column_stack([draws[name].values.ravel() for name in "ab"])).all()
+    assert (group.weights == draws["importance_weight"].values.ravel()).all()
+    assert group.taught_by == {*kept["row_hash"].values.tolist()}
+    found, *_ = refused(chains, next_study("taught.nc:other"))
+    assert 'has no group "calibrations/other/posterior"' in found
+
+
+def test_draws_that_the_model_does_not_confirm_are_refused(chains):
+    (chains / "sum.py").write_text(
+        "def add(a, b, c):\n    return {'y': a + b * c + 5 * ((1e6 * a) % 1)}\n"
+    )
+    uqpen.make_archive(parse_study(SEARCHED, folder=chains), chains / "taught.nc")
+    found, *_ = refused(chains, next_study("taught.nc:fit"))
+    assert "the model does not confirm the posterior fit; expected an archive" in found
 
 
 def test_the_page_has_draws_of_the_prior_and_the_posterior(chains):

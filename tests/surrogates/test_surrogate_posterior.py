@@ -164,6 +164,28 @@ def test_a_line_has_its_exact_posterior(tmp_path):
 SHORT = "runs = 20\nbatches = 1\nbatch = 5\nconfirm = 30\n"
 
 
+def test_draws_for_other_programs_have_equal_weights_and_are_distinct(tmp_path):
+    model = MODEL.replace("a + b * x", "a + b * x + 0.04 * ((1e6 * a) % 1)")
+    kept = calibrated(tmp_path, POSTERIOR + SHORT, model)["calibrations/fit"]
+    groups = ["weighted_posterior", "posterior", "posterior_predictive", "log_likelihood", "prior"]
+    groups += ["prior_predictive", "log_prior", "observed_data", "constant_data", "sample_stats"]
+    assert [*kept.children] == groups
+    weighted = kept["weighted_posterior"]
+    weights = weighted["importance_weight"].values.ravel()
+    assert weights.sum() == pytest.approx(1)
+    assert 1 / (weights**2).sum() == pytest.approx(float(kept["effective_number"]))
+    for name, mean in zip("ab", kept["posterior_mean"].values[:, 0], strict=True):
+        assert weights @ weighted[name].values.ravel() == pytest.approx(mean, rel=1e-12)
+    # Fewer than are effective, so that who counts them counts not too many.
+    numbers = kept["sample_stats/draw_number"].values.ravel().tolist()
+    assert len({*numbers}) == len(numbers) == int(1 / weights.max())
+    assert len(numbers) < kept["effective_number"] < 30
+    assert {*numbers} <= {*weighted["draw_number"].values.ravel().tolist()}
+    rows, whole = kept["log_likelihood/y"], kept["sample_stats/log_likelihood"]
+    assert rows.sum("y_row").values == pytest.approx(whole.values)
+    assert kept["prior/a"].shape == (1, 20)
+
+
 def test_what_a_surrogate_cannot_predict_is_not_confirmed(tmp_path):
     model = (
         "def line(a, b):\n    wild = 5 * ((1e6 * a) % 1)\n"
@@ -173,6 +195,7 @@ def test_what_a_surrogate_cannot_predict_is_not_confirmed(tmp_path):
     kept = tree["calibrations/fit"]
     assert kept["confirmed"] == 0.0
     assert np.array_equal(kept["posterior_mean"], kept["surrogate_mean"])
+    assert not kept.children  # other programs would not see the note
     assert "not confirmed by the model" in note_of(tree)
     assert "Not confirmed by the model" in dict(posterior_statements(tree))["fit"]
 

@@ -93,6 +93,9 @@ ERROR_STD = "error_std_{number}"
 SEARCH_ROUND = "search_round"
 PREDICTED_LOG_LIKELIHOOD = "predicted_log_likelihood"
 VARIANCE_SCALE = "variance_scale"
+# The group of its weighted draws, and their weights.
+WEIGHTED_POSTERIOR = "weighted_posterior"
+IMPORTANCE_WEIGHT = "importance_weight"
 WEIGHTED_AT = "weighted_at"
 # Of a posterior: an attribute with what a model has errors of its own along.
 DISCREPANCY = "discrepancy"

@@ -19,6 +19,7 @@ from uqpen.core.labels import (
     EXPERIMENT,
     LEAST_LOG_LIKELIHOOD,
     LIKELIHOOD_EXPONENT,
+    MEASURED_CONDITION,
     PARENT_DRAW,
     PROBABILITY,
     REPLICATE,
@@ -35,7 +36,8 @@ from uqpen.designs.posterior import (
     largest_correlation,
     log_likelihoods,
 )
-from uqpen.measurements import EXACTLY, Experiments
+from uqpen.distributions.joint_distribution import JointDistribution
+from uqpen.measurements import EXACTLY, Experiments, MeasuredOutput
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import LEVEL, Estimate
 from uqpen.statistics.intervals import student_interval
@@ -273,14 +275,19 @@ def posterior_sample(
     measured: Experiments, runs: xr.Dataset, level: float
 ) -> PosteriorSample | str:
     """Return the posterior in the runs of a design, or the reason why it has none."""
-    names = (*measured.unknown, *(each.name for each in measured.sizes))
-    inputs = [measured.drawn(runs, name) for name in measured.unknown]
-    values = np.column_stack([*inputs, error_stds(measured, runs)])
+    names, values = unknown_values(measured, runs)
     columns = (REPLICATE, LIKELIHOOD_EXPONENT, PARENT_DRAW, LEAST_LOG_LIKELIHOOD)
     coordinates = (runs[name].values[:: measured.count] for name in columns)
     sampled = PosteriorPoints(values, *coordinates)
     found = log_likelihoods(measured, runs)
     return PosteriorSample.of(names, values, sampled, found, level)
+
+
+def unknown_values(measured: Experiments, runs: xr.Dataset) -> tuple[tuple[str, ...], FloatArray]:
+    """Return names of the unknowns, and their values in all draws, shape (draw, unknown)."""
+    names = (*measured.unknown, *(each.name for each in measured.sizes))
+    inputs = [measured.drawn(runs, name) for name in measured.unknown]
+    return names, np.column_stack([*inputs, error_stds(measured, runs)])
 
 
 def posterior_statistics(
@@ -344,7 +351,7 @@ def predicted_rows(
 
 
 def failed_shares(
-    measured: Experiments, runs: xr.Dataset, draws: BoolArray
+    measured: Experiments, runs: xr.Dataset, draws: BoolArray | IntArray
 ) -> tuple[str, xr.DataArray]:
     """Return the share of failed runs of each experiment among some draws, with its name."""
     failed = (runs[STATUS].values != Status.OK).reshape(-1, measured.count)
@@ -399,36 +406,43 @@ def described_statistics(
         yield name, xr.DataArray(values, attrs={"units": DIMENSIONLESS, "long_name": title})
 
 
+def posterior_groups(
+    joint: JointDistribution, measured: Experiments, runs: xr.Dataset, stream: Stream
+) -> Iterator[tuple[str, xr.Dataset]]:
+    """Yield the groups of `arviz_groups` of a design's replicates; none without a posterior."""
+    sample = posterior_sample(measured, runs, LEVEL)
+    if isinstance(sample, str):
+        return
+    prior = np.flatnonzero(sample.sampled.exponent == 0).reshape(len(sample.runs), -1)
+    yield from arviz_groups(
+        joint, measured, runs, {"posterior": sample.runs, "prior": prior}, stream
+    )
+
+
 def arviz_groups(
-    measured: Experiments, runs: xr.Dataset, stream: Stream
+    joint: JointDistribution,
+    measured: Experiments,
+    runs: xr.Dataset,
+    draws: Mapping[str, IntArray],
+    stream: Stream,
 ) -> Iterator[tuple[str, xr.Dataset]]:
     """Yield groups of a posterior by the names and dimensions of ArviZ, in SI units.
 
     Parameters
     ----------
+    joint : JointDistribution
     measured : Experiments
     runs : Dataset
         Runs of a design for its posterior.
+    draws : mapping of str to ndarray, shape (chain, draw)
+        Numbers of the draws of the groups ``posterior`` and ``prior``.
     stream : Stream
         Source of the errors that predictions have.
     """
-    sample = posterior_sample(measured, runs, LEVEL)
-    if isinstance(sample, str):
-        return
-    prior = np.flatnonzero(sample.sampled.exponent == 0).reshape(len(sample.runs), -1)
-    units = [str(runs[name].attrs["units"]) for name in measured.unknown]
-    units += [each.unit for each in measured.sizes]
+    _, values = unknown_values(measured, runs)
     predicted, stds = measured.predicted(runs), error_stds(measured, runs)
-    for group, numbers in (("posterior", sample.runs), ("prior", prior)):
-        columns = np.moveaxis(sample.values[numbers], -1, 0)
-        described = zip(sample.names, columns, units, strict=True)
-        yield (
-            group,
-            xr.Dataset(
-                {name: (_CHAINS, each, {"units": unit}) for name, each, unit in described},
-                _along_chains(numbers.shape),
-            ),
-        )
+    for group, numbers in draws.items():
+        yield group, unknowns_dataset(measured, runs, values[numbers])
         rng = stream.generator(group)
         drawn = predicted[numbers]
         left_out = np.full(drawn.shape, np.nan)
@@ -448,21 +462,41 @@ def arviz_groups(
                 if group == "posterior":
                     covariance = measured.covariance(predicted[number], stds[number])
                     left_out[at] = conditional_log_densities(off, covariance)
-        yield f"{group}_predictive", _rows_dataset(measured, drawn, _CHAINS)
+        yield f"{group}_predictive", _rows_dataset(measured, drawn, CHAINS)
         if group == "posterior" and (measured.censoring == EXACTLY).all():
-            yield "log_likelihood", _rows_dataset(measured, left_out, _CHAINS)
+            yield "log_likelihood", _rows_dataset(measured, left_out, CHAINS)
+    numbers = draws["posterior"]
+    densities = _log_prior(joint, measured, values[numbers])
+    if densities is not None:
+        yield "log_prior", unknowns_dataset(measured, runs, densities, unit=DIMENSIONLESS)
     yield "observed_data", _rows_dataset(measured, measured.values, ())
+    yield "constant_data", _conditions_dataset(measured, runs)
     statistics = {
-        "log_likelihood": sample.log_likelihood,
-        "draw_number": np.arange(len(sample.values)),
+        "log_likelihood": log_likelihoods(measured, runs)[numbers],
+        "draw_number": numbers,
     }
-    yield (
-        "sample_stats",
-        xr.Dataset(
-            {name: (_CHAINS, each[sample.runs]) for name, each in statistics.items()},
-            _along_chains(sample.runs.shape),
-        ),
-    )
+    own_dims = {name: (CHAINS, each) for name, each in statistics.items()}
+    yield "sample_stats", xr.Dataset(own_dims, _along_chains(numbers.shape))
+
+
+def _log_prior(
+    joint: JointDistribution, measured: Experiments, values: FloatArray
+) -> FloatArray | None:
+    """Return the logarithm of the prior density of each unknown, shape (..., unknown).
+
+    None where they depend on each other, or one has no density.
+    """
+    joined = () if joint.dependence is None else joint.dependence.inputs
+    is_joined = len({*joined} & {*measured.unknown}) > 1
+    if is_joined or joint.reason_without_density(measured.unknown):
+        return None
+    found: list[FloatArray | None] = []
+    known = {each.variable.name: each.distribution for each in joint.random}
+    for place, name in enumerate(measured.unknown):
+        found.append(known[name].log_density(values[..., place]))
+    for place, size in enumerate(measured.sizes, len(found)):
+        found.append(scipy.stats.halfnorm.logpdf(values[..., place], scale=size.scale))
+    return np.stack([each for each in found if each is not None], axis=-1)
 
 
 def conditional_log_densities(errors: FloatArray, covariance: FloatArray) -> FloatArray:
@@ -479,20 +513,57 @@ def conditional_log_densities(errors: FloatArray, covariance: FloatArray) -> Flo
     return density
 
 
-_CHAINS = ("chain", "draw")
+CHAINS = ("chain", "draw")
 
 
 def _along_chains(shape: tuple[int, ...]) -> dict[str, IntArray]:
     """Return the numbers of chains and of draws."""
-    return {name: np.arange(size) for name, size in zip(_CHAINS, shape, strict=False)}
+    return {name: np.arange(size) for name, size in zip(CHAINS, shape, strict=False)}
+
+
+def unknowns_dataset(
+    measured: Experiments, runs: xr.Dataset, values: FloatArray, unit: str = ""
+) -> xr.Dataset:
+    """Return numbers of shape (chain, draw, unknown) by unknown, in its SI unit or another."""
+    units = {name: str(runs[name].attrs["units"]) for name in measured.unknown}
+    units |= {each.name: each.unit for each in measured.sizes}
+    columns = zip(units.items(), np.moveaxis(values, -1, 0), strict=True)
+    found = {name: (CHAINS, each, {"units": unit or own}) for (name, own), each in columns}
+    return xr.Dataset(found, _along_chains(values.shape))
 
 
 def _rows_dataset(measured: Experiments, values: FloatArray, dims: tuple[str, ...]) -> xr.Dataset:
     """Return values at the rows of the measurements, by their outputs."""
+    found: dict[str, Any] = {
+        name: ((*dims, f"{name}_row"), values[..., rows], {"units": each.output.unit})
+        for name, each, rows in _named_rows(measured)
+    }
+    return xr.Dataset(found, _along_chains(values.shape) if dims else {})
+
+
+def _conditions_dataset(measured: Experiments, runs: xr.Dataset) -> xr.Dataset:
+    """Return the experiments, conditions and places of the rows, by their outputs."""
     found: dict[str, Any] = {}
+    for name, each, rows in _named_rows(measured):
+        row, known = (f"{name}_row",), dict(measured.described_rows(rows))
+        units = {of.name: of.unit for of in each.output.dims}
+        found[f"{name}_experiment"] = (row, known["experiment_number"].values)
+        if (conditions := known.get("condition")) is None:
+            continue
+        for key, column in zip(
+            conditions[MEASURED_CONDITION].values.tolist(), conditions.values.T, strict=True
+        ):
+            if np.isfinite(column).all():
+                unit = units.get(key) or str(runs[key].attrs["units"])
+                found[f"{name}_{key}"] = (row, column, {"units": unit})
+    return xr.Dataset(found)
+
+
+def _named_rows(measured: Experiments) -> Iterator[tuple[str, MeasuredOutput, slice]]:
+    """Yield a name for each measured output, which is that of its output once, and its rows."""
+    taken: set[str] = set()
     for number, (each, rows) in enumerate(measured.rows):
         name = each.output.name
-        name = f"{name}_{number + 1}" if name in found else name
-        own = (*dims, f"{name}_row")
-        found[name] = (own, values[..., rows], {"units": each.output.unit})
-    return xr.Dataset(found, _along_chains(values.shape) if dims else {})
+        name = f"{name}_{number + 1}" if name in taken else name
+        taken.add(name)
+        yield name, each, rows

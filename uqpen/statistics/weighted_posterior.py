@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,20 +10,32 @@ from functools import cached_property
 import numpy as np
 import xarray as xr
 
-from uqpen.core.arrays import FloatArray
-from uqpen.core.labels import PREDICTED_LOG_LIKELIHOOD, SEARCH_ROUND, VARIANCE_SCALE
-from uqpen.designs.posterior import error_stds
+from uqpen.core.arrays import FloatArray, IntArray, rows_by_weight
+from uqpen.core.labels import (
+    IMPORTANCE_WEIGHT,
+    PREDICTED_LOG_LIKELIHOOD,
+    SEARCH_ROUND,
+    VARIANCE_SCALE,
+    WEIGHTED_POSTERIOR,
+)
+from uqpen.core.streams import Stream
+from uqpen.designs.posterior import error_stds, log_likelihoods
+from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.measurements import Experiments
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import LEVEL, Estimate
 from uqpen.statistics.intervals import student_interval
 from uqpen.statistics.posterior import (
+    CHAINS,
     MANY_FAILED,
     PROBABILITIES,
+    arviz_groups,
     described_statistics,
     failed_shares,
     no_posterior,
     predicted_rows,
+    unknown_values,
+    unknowns_dataset,
 )
 from uqpen.statistics.weights import (
     effective_sizes,
@@ -34,6 +47,8 @@ from uqpen.surrogates.surrogate_posterior import RESULT, importance_weights
 
 # Share of the draws of the result that have to be effective, so that the model confirms them.
 _CONFIRMED = 1 / 3
+# Rounding of a number of draws that equal weights give.
+_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,30 +139,36 @@ class WeightedPosterior:
 # The statistics of an archive.
 
 
+def _weighted_posterior(
+    measured: Experiments, runs: xr.Dataset, level: float
+) -> tuple[WeightedPosterior, IntArray]:
+    """Return the weighted draws of a design, and their numbers; none if it has no result."""
+    names, values = unknown_values(measured, runs)
+    number, predicted = (
+        runs[name].values[:: measured.count] for name in (SEARCH_ROUND, PREDICTED_LOG_LIKELIHOOD)
+    )
+    last = np.flatnonzero(number == RESULT)
+    found = log_likelihoods(measured, runs)[last]
+    return WeightedPosterior(names, values[last], found, predicted[last], level), last
+
+
 def weighted_statistics(
     measured: Experiments, runs: xr.Dataset, level: float
 ) -> Iterator[tuple[str, xr.DataArray]]:
     """Yield what the runs of a posterior by a surrogate say, by the names of the catalogue."""
-    names = (*measured.unknown, *(each.name for each in measured.sizes))
-    stds = error_stds(measured, runs)
-    values = np.column_stack([*(measured.drawn(runs, name) for name in measured.unknown), stds])
-    results = measured.predicted(runs)
-    found = measured.log_likelihood(results, stds)
-    number, predicted, scales = (
-        runs[name].values[:: measured.count]
-        for name in (SEARCH_ROUND, PREDICTED_LOG_LIKELIHOOD, VARIANCE_SCALE)
-    )
-    last, of_prior = number == RESULT, number == 0
-    failed = float(np.isnan(found[of_prior]).mean())
-    if not last.any():
-        reason = texts.NO_SURROGATE.format(share=1 - failed, draws=len(found))
+    posterior, last = _weighted_posterior(measured, runs, level)
+    _, values = unknown_values(measured, runs)
+    of_prior = runs[SEARCH_ROUND].values[:: measured.count] == 0
+    failed = float(np.isnan(log_likelihoods(measured, runs)[of_prior]).mean())
+    if not len(last):
+        reason = texts.NO_SURROGATE.format(share=1 - failed, draws=len(values))
         yield from no_posterior(measured, reason, level)
         return
-    posterior = WeightedPosterior(names, values[last], found[last], predicted[last], level)
     used = posterior.weights * np.isfinite(posterior.log_likelihood)
     if np.count_nonzero(used) > 1:
-        at = np.flatnonzero(last)[used > 0]
-        yield from predicted_rows(measured, results[at], stds[at], used[used > 0] / used.sum())
+        at, shares = last[used > 0], used[used > 0] / used.sum()
+        results, stds = measured.predicted(runs)[at], error_stds(measured, runs)[at]
+        yield from predicted_rows(measured, results, stds, shares)
     alone = posterior.of_surrogate()
     ends = [posterior.quantile(each) for each in PROBABILITIES]
     size = float(effective_sizes(posterior.weights))
@@ -168,7 +189,31 @@ def weighted_statistics(
         "effective_number": posterior.effective_draws,
         "prior_failed_share": failed,
         "posterior_failed_share": posterior.failed_share,
-        "variance_scale": float(scales[last][0]),
+        "variance_scale": float(runs[VARIANCE_SCALE].values[:: measured.count][last[0]]),
     }
     yield from described_statistics(measured, estimates, numbers, level)
     yield failed_shares(measured, runs, last)
+
+
+def weighted_groups(
+    joint: JointDistribution, measured: Experiments, runs: xr.Dataset, stream: Stream
+) -> Iterator[tuple[str, xr.Dataset]]:
+    """Yield the weighted draws that the model confirms, then the groups of `arviz_groups`.
+
+    These have draws of equal weight: what reads them weights all alike, and takes them to be
+    independent. They are as many as the largest weight allows with none of them twice.
+    """
+    posterior, last = _weighted_posterior(measured, runs, LEVEL)
+    if not (len(last) and posterior.is_confirmed):
+        return
+    taken = np.flatnonzero(posterior.weights)
+    weights = posterior.weights[taken]
+    draws = unknowns_dataset(measured, runs, posterior.values[np.newaxis, taken])
+    beside = {IMPORTANCE_WEIGHT: weights, "draw_number": last[taken]}
+    yield WEIGHTED_POSTERIOR, draws.assign({key: (CHAINS, [each]) for key, each in beside.items()})
+    size = math.floor(1 / weights.max() + _ROUNDING)
+    places = np.arange(size) + stream.generator("equal weights").random()
+    equal = last[taken[rows_by_weight(weights, places / size)]]
+    prior = np.flatnonzero(runs[SEARCH_ROUND].values[:: measured.count] == 0)
+    numbers = {"posterior": equal[np.newaxis], "prior": prior[np.newaxis]}
+    yield from arviz_groups(joint, measured, runs, numbers, stream)

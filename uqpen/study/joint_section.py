@@ -20,7 +20,7 @@ from uqpen.core.errors import (
     toml_text,
 )
 from uqpen.core.files import FileSnapshot
-from uqpen.core.labels import CALIBRATIONS, WEIGHT
+from uqpen.core.labels import CALIBRATIONS, IMPORTANCE_WEIGHT, WEIGHT, WEIGHTED_POSTERIOR
 from uqpen.core.lookup import choices, nearest
 from uqpen.core.model import Input, Model
 from uqpen.core.settings import as_float, number, read_each, read_list
@@ -354,18 +354,26 @@ def _read_posterior(
     name, _, design = written.rpartition(":") if ".nc:" in written else (written, "", "")
     path, known = section.folder / name, {variable.name: variable for variable in model.inputs}
     taught_by: frozenset[str] = frozenset()
+    group, importance = f"{CALIBRATIONS}/{design}/posterior" if design else "posterior", None
     try:
-        read = read_draws(path, f"{CALIBRATIONS}/{design}/posterior" if design else "posterior")
-        stated = {key: str(value) for key, value in units.content.items()}
-        taken = (each for each in read.columns if each.name in {*known, *(names or [])})
-        columns = tuple(replace(each, unit=stated.get(each.name, each.unit)) for each in taken)
-        found = _rows(columns, model, names, fewest=1)
         if design:
             # It loads xarray, which a study without one does not need.
             from uqpen.archive.read import open_archive, read_group
 
-            group = read_group(open_archive(path), CALIBRATIONS, design)
-            taught_by = frozenset(map(str, group["row_hash"].values))
+            archive = open_archive(path)
+            kept = read_group(archive, CALIBRATIONS, design)
+            taught_by = frozenset(map(str, kept["row_hash"].values if "row_hash" in kept else ()))
+            if "confirmed" in kept and kept["confirmed"] == 0:
+                raise TableError(f"the model does not confirm the posterior {design}")
+            weighted = read_group(archive, CALIBRATIONS, design, WEIGHTED_POSTERIOR)
+            if IMPORTANCE_WEIGHT in weighted:
+                group = f"{CALIBRATIONS}/{design}/{WEIGHTED_POSTERIOR}"
+                importance = weighted[IMPORTANCE_WEIGHT].values.ravel()
+        read = read_draws(path, group)
+        stated = {key: str(value) for key, value in units.content.items()}
+        taken = (each for each in read.columns if each.name in {*known, *(names or [])})
+        columns = tuple(replace(each, unit=stated.get(each.name, each.unit)) for each in taken)
+        found = _rows(columns, model, names, fewest=1)
     except (TableError, ArchiveError) as error:
         section.add_problem("posterior", str(error), _POSTERIOR)
         return None
@@ -374,6 +382,7 @@ def _read_posterior(
     columns_taken, rows, weights, dropped = found
     inputs = tuple(column.name for column in columns_taken)
     source = f"the posterior {design or name}{dropped}"
+    weights = weights if importance is None else importance
     made = SampleDistribution(inputs, rows, weights, source, read.file, taught_by)
     return made, tuple(column.unit for column in columns_taken)
 

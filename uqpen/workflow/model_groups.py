@@ -208,12 +208,16 @@ def _design_groups(
         if statistics := resolve(group.writer)(study, design, runs):
             yield f"/{name}/{design}", pack(statistics)
     made = study.designs[design]
-    if isinstance(made, MeasuredDesign) and made.sampling is Sampling.POSTERIOR:
-        from uqpen.statistics.posterior import arviz_groups
+    posteriors = (Sampling.POSTERIOR, Sampling.WEIGHTED_POSTERIOR)
+    if isinstance(made, MeasuredDesign) and made.sampling in posteriors:
+        from uqpen.statistics.posterior import posterior_groups
+        from uqpen.statistics.weighted_posterior import weighted_groups
 
+        is_weighted = made.sampling is Sampling.WEIGHTED_POSTERIOR
+        groups = weighted_groups if is_weighted else posterior_groups
         stream = Stream(study.seed, CALIBRATIONS, design)
         with one_blas_thread():
-            for name, of_draws in arviz_groups(made.experiments, runs, stream):
+            for name, of_draws in groups(study.joint, made.experiments, runs, stream):
                 yield f"/{CALIBRATIONS}/{design}/{name}", of_draws
 
 
