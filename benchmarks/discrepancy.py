@@ -1,8 +1,8 @@
 """What an error of the model itself is worth: how often its unknown and the truth are held.
 
-A table of docs/posteriors.md as `seed_table.py` makes it. The simple machine: it does 0.65 x /
-(1 + x / 20) of work at the effort x, and the model says theta x. Posteriors are exact but for a
-grid over the numbers of the errors.
+A table of docs/coverage/posteriors.md as `seed_table.py` makes it. The simple machine: it does
+0.65 x / (1 + x / 20) of work at the effort x, and the model says theta x. Posteriors are exact but
+for a grid over the numbers of the errors, and beside them those of a study.
 
 References
 ----------
@@ -14,6 +14,9 @@ from __future__ import annotations
 import sys
 from argparse import Namespace
 from collections.abc import Iterator, Sequence
+from itertools import product
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +24,7 @@ import numpy.typing as npt
 from scipy.stats import halfnorm, norm
 from seed_table import Case, Row, SeedTable, lines, per_cent, totals
 
+import uqpen
 from uqpen.core.streams import Stream
 from uqpen.measurements import Discrepancy, UnknownSize
 
@@ -38,7 +42,7 @@ def truth(effort: Array) -> Array:
 class Situation(NamedTuple):
     """Numbers of the errors that are not known: their half-normal scales, 0 for none."""
 
-    size: float = 0.0  # of independent errors
+    size: float = 0.0  # of independent errors; 0 where it is known
     std: float = 0.0  # of a process along the effort
     length: float = 3.0
     zero_at: float | None = None
@@ -48,18 +52,22 @@ SITUATIONS = {
     "none": Situation(),
     "independent errors of unknown size": Situation(size=0.3),
     "process": Situation(std=0.3),
-    "process that is 0 at x = 0": Situation(std=0.3, zero_at=0.0),
+    "process, priors a third narrower": Situation(std=0.2, length=2.0),
+    "process that grows from 0 at x = 0": Situation(std=1.0, zero_at=0.0),
 }
-# Numbers of the grid, as shares of their half-normal distributions.
-_SHARES = (np.arange(40) + 0.5) / 40
+
+
+def _grid(scale: float, size: int) -> Array:
+    """Return numbers at equal shares of a half-normal distribution."""
+    return np.asarray(halfnorm.ppf((np.arange(size) + 0.5) / size, scale=scale))
 
 
 def posterior(measured: Array, of: Situation) -> tuple[Array, Array, Array]:
     """Return weights, means and deviations of theta and the truth at `WHERE`, (grid, quantity)."""
     at = np.array(WHERE)
-    sizes = halfnorm.ppf(_SHARES, scale=of.size) if of.size else np.zeros(1)
-    stds = halfnorm.ppf(_SHARES, scale=of.std) if of.std else np.zeros(1)
-    lengths = halfnorm.ppf(_SHARES, scale=of.length) if of.std else np.ones(1)
+    sizes = _grid(of.size, 4000) if of.size else np.array([ERROR])
+    stds = _grid(of.std, 40) if of.std else np.zeros(1)
+    lengths = _grid(of.length, 40) if of.std else np.ones(1)
     known = UnknownSize("", 1.0, "1", "")
     process = Discrepancy("x", EFFORT, known, known, of.zero_at)
     weights, means, deviations = [], [], []
@@ -67,7 +75,7 @@ def posterior(measured: Array, of: Situation) -> tuple[Array, Array, Array]:
         numbers = np.array(std), np.array(length)
         line = STD**2 * np.outer(EFFORT, EFFORT)
         whole = line + process.kernel(EFFORT, EFFORT, *numbers)
-        whole += (ERROR**2 + size**2) * np.eye(len(EFFORT))
+        whole += size**2 * np.eye(len(EFFORT))
         across = STD**2 * np.outer(at, EFFORT) + process.kernel(at, EFFORT, *numbers)
         own = STD**2 * at**2 + np.diag(process.kernel(at, at, *numbers))
         across = np.vstack([STD**2 * EFFORT, across])
@@ -88,11 +96,62 @@ def holds(weights: Array, means: Array, deviations: Array, value: float) -> bool
     return (1 - LEVEL) / 2 < below < (1 + LEVEL) / 2
 
 
+MODEL = "def machine(x, theta):\n    return {'work': theta * x}\n"
+
+
+def study_text(measured: Array, of: Situation, seed: int) -> str:
+    """Return a study of the machine, with blank rows where the truth is to be predicted."""
+    text = f"""seed = {seed}
+confidence_level = {LEVEL}
+[model]
+python = "machine.py:machine"
+vectorized = true
+inputs = {{ x = "1", theta = "1" }}
+outputs = {{ work = "1" }}
+[inputs]
+x = 1
+theta = "{MEAN} ± {STD}"
+[measured.rows]
+conditions = ["x"]
+unknown = ["theta"]
+[measured.rows.table]
+x = {[*EFFORT.tolist(), *WHERE]}
+work = {[*measured.tolist(), *[""] * len(WHERE)]}
+[measured.rows.work]
+std = {f"{{ half-normal = {of.size} }}" if of.size else ERROR}
+"""
+    if of.std:
+        numbers = f"std = {{ half-normal = {of.std} }}\nlength = {{ half-normal = {of.length} }}\n"
+        zero = "" if of.zero_at is None else f"zero_at = {of.zero_at}\n"
+        text += f'[measured.rows.work.discrepancy]\nalong = "x"\n{numbers}{zero}'
+    return f'{text}[designs.fit]\nkind = "posterior"\nmeasured = ["rows"]\nat_most = 9_000_000\n'
+
+
+def _of_study(measured: Array, of: Situation, seed: int) -> Row:
+    """Return mean and deviation of theta, and what is held by the intervals of a study."""
+    with TemporaryDirectory() as folder:
+        Path(folder, "machine.py").write_text(MODEL, encoding="utf-8")
+        tree = uqpen.run(uqpen.parse_study(study_text(measured, of, seed), folder=folder))
+    found = tree["calibrations/fit"]
+    ends = found["posterior_quantile"].sel(probability=[0.05, 0.95]).values[0, :, 0]
+    bands = found["prediction"].values
+    exact = truth(np.array(WHERE))
+    held = [ends[0] < TRUE_THETA < ends[1], *((bands[:, 1] < exact) & (exact < bands[:, 2]))]
+    missing = np.isnan(bands[:, 1])
+    named = {f"x {at:g}": int(each) for at, each in zip(WHERE, held[1:], strict=True)}
+    named |= {f"x {at:g}": -1 for at, none in zip(WHERE, missing, strict=True) if none}
+    mean, std = (float(found[f"posterior_{key}"].values[0, 0]) for key in ("mean", "std"))
+    return {"mean": mean, "std": std, "theta": int(held[0]), **named}
+
+
 def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
     situation = SITUATIONS[str(case[0])]
     for seed in seeds:
         rng = Stream(seed, "measurements").generator()
         measured = truth(EFFORT) + ERROR * rng.standard_normal(len(EFFORT))
+        if case[1] == "study":
+            yield _of_study(measured, situation, seed)
+            continue
         weights, means, deviations = posterior(measured, situation)
         exact = [TRUE_THETA, *truth(np.array(WHERE))]
         columns = zip(means.T, deviations.T, exact, strict=True)
@@ -107,22 +166,25 @@ SUMS = ("count", "mean", "std", "theta", *(f"x {at:g}" for at in WHERE))
 
 
 def _page(rows: Sequence[Row]) -> Iterator[str]:
-    head = ["error of the model", "theta (0.65)", "theta held"]
+    head = ["error of the model", "by", "theta (0.65)", "theta held"]
     head += [f"truth held at x = {at:g}" for at in WHERE]
-    cells = totals(rows, ("discrepancy",), SUMS)
+    cells = totals(rows, KEYS, SUMS)
     yield from lines(head, (_line(*key, vars(cell)) for key, cell in cells.items()))
 
 
-def _line(name: str, cell: dict[str, float]) -> list[str]:
+def _line(name: str, by: str, cell: dict[str, float]) -> list[str]:
     count = int(cell["count"])
     value = f"{cell['mean'] / count:.3f} ± {cell['std'] / count:.3f}"
-    held = (f"{per_cent(int(cell[each]), count)} %" for each in SUMS[3:])
-    return [name, value, *held]
+    held = (
+        f"{per_cent(int(cell[each]), count)} %" if cell[each] >= 0 else "no interval"
+        for each in SUMS[3:]
+    )
+    return [name, by, value, *held]
 
 
-KEYS = ("discrepancy",)
+KEYS = ("discrepancy", "by")
 TABLE = SeedTable(
-    KEYS, lambda: ((name,) for name in SITUATIONS), _rows, {"discrepancy": _page}, seeds=100
+    KEYS, lambda: product(SITUATIONS, ("grid", "study")), _rows, {"discrepancy": _page}, seeds=100
 )
 
 if __name__ == "__main__":

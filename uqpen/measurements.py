@@ -38,7 +38,9 @@ class UnknownSize:
 class Discrepancy:
     """Error of the model itself along a condition or a dimension: a Gaussian process.
 
-    Its covariance is squared exponential.
+    Its covariance is squared exponential. Where the model is right at a place, the process is such
+    a one times the distance from there, in lengths: its standard deviation grows from 0, and has
+    the stated size at the distance of a length.
 
     References
     ----------
@@ -65,16 +67,10 @@ class Discrepancy:
         -------
         ndarray, shape (..., place, other place)
         """
-
-        def correlation(first: FloatArray, second: FloatArray) -> FloatArray:
-            apart = np.subtract.outer(first, second) / length[..., np.newaxis, np.newaxis]
-            found: FloatArray = np.exp(-0.5 * apart**2)
-            return found
-
-        found = correlation(one, other)
-        if self.zero_at is not None:  # given that it is 0 there
-            known = np.array([self.zero_at])
-            found = found - correlation(one, known) * correlation(known, other)
+        scale = length[..., np.newaxis, np.newaxis]
+        found: FloatArray = np.exp(-0.5 * (np.subtract.outer(one, other) / scale) ** 2)
+        if self.zero_at is not None:
+            found = found * np.multiply.outer(one - self.zero_at, other - self.zero_at) / scale**2
         return std[..., np.newaxis, np.newaxis] ** 2 * found
 
 
@@ -238,13 +234,17 @@ class MeasuredOutputs:
     experiments: int
     source: str = ""  # where they were published
     file: FileSnapshot | None = None
+    # Experiments of the rows in which nothing was measured: their values are NaN, and their errors
+    # have the numbers that are not known, nothing else.
+    blank: MeasuredOutputs | None = None
 
     def without_discrepancy(self) -> MeasuredOutputs:
         """Return the same experiments, in which the model has no error of its own."""
         outputs = (
             replace(each, errors=replace(each.errors, discrepancy=None)) for each in self.outputs
         )
-        return replace(self, outputs=tuple(outputs))
+        blank = self.blank and self.blank.without_discrepancy()
+        return replace(self, outputs=tuple(outputs), blank=blank)
 
     @property
     def row_hashes(self) -> list[str]:
@@ -357,6 +357,11 @@ class Experiments:
             return self
         return Experiments(tuple(each.without_discrepancy() for each in self.sections))
 
+    @cached_property
+    def blank(self) -> Experiments:
+        """Experiments of the rows in which nothing was measured."""
+        return Experiments(tuple(each.blank for each in self.sections if each.blank is not None))
+
     def measured_rows(self, **statistics: FloatArray) -> Iterator[tuple[str, xr.DataArray]]:
         """Yield all measured values, what is known of them, and statistics of each by name.
 
@@ -387,6 +392,8 @@ class Experiments:
         first = 0
         for section in self.sections:
             inside = slice(first, first + sum(len(each.values) for each in section.outputs))
+            if inside.start == inside.stop:
+                continue
             start = int(self.experiment[first]) - int(section.outputs[0].experiment[0])
             for name, values in section.conditions.items():
                 column = conditions.setdefault(name, np.full(rows, np.nan))
@@ -572,6 +579,33 @@ class Experiments:
         for each, own, of_output in self._sizes_of(sizes):
             found[..., own, own] = each.errors.model_covariance(of_output)
         return found
+
+    def discrepancies(
+        self, off: FloatArray, covariance: FloatArray, sizes: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return mean and variance of the model's own errors at the blank rows, each (row,).
+
+        Parameters
+        ----------
+        off : ndarray, shape (row,)
+            Measured values minus results of a draw.
+        covariance : ndarray, shape (row, row)
+            Of these.
+        sizes : ndarray, shape (size,)
+            Values of `sizes`.
+        """
+        across = np.zeros((len(self.blank.values), len(off)))
+        variance = np.zeros(len(across))
+        both = zip(self._sizes_of(sizes), self.blank.rows, strict=True)
+        for (each, own, of_output), (beyond, at) in both:
+            if (here := each.errors.discrepancy) and (there := beyond.errors.discrepancy):
+                across[at, own] = here.kernel(there.places, here.places, *of_output[-2:])
+                variance[at] = np.diag(here.kernel(there.places, there.places, *of_output[-2:]))
+        # A bound is no value that an error of the model follows from.
+        exact = np.flatnonzero(self.censoring == EXACTLY)
+        weights = np.linalg.solve(covariance[np.ix_(exact, exact)], across[:, exact].T)
+        variance -= np.einsum("br,rb->b", across[:, exact], weights, optimize=False)
+        return off[exact] @ weights, np.maximum(variance, 0.0)
 
     def _sizes_of(
         self, sizes: FloatArray | Sequence[float]

@@ -16,6 +16,7 @@ from tests.test_measurements import LINE, MODEL
 from uqpen.archive.structure import find_faults
 from uqpen.core.errors import StudyError
 from uqpen.core.streams import Stream
+from uqpen.core.variables import Output
 from uqpen.designs.posterior import (
     UNRELATED_AT_LAST,
     Cloud,
@@ -24,7 +25,14 @@ from uqpen.designs.posterior import (
     largest_correlation,
     sample_posterior,
 )
-from uqpen.measurements import Discrepancy, UnknownSize
+from uqpen.measurements import (
+    Discrepancy,
+    Experiments,
+    MeasuredOutput,
+    MeasuredOutputs,
+    MeasurementErrors,
+    UnknownSize,
+)
 from uqpen.results.calibrations import posterior_statements
 from uqpen.results.json import archive_json
 from uqpen.results.output_tables import output_tables
@@ -479,7 +487,8 @@ def machine(tmp_path_factory):
     rows = "".join(
         f"{x!r},{y!r}\n" for x, y in zip(effort.tolist(), measured.tolist(), strict=True)
     )
-    (folder / "rows.csv").write_text(f"x,work\n{rows}")
+    blanks = "".join(f"{x},\n" for x in discrepancy.WHERE)
+    (folder / "rows.csv").write_text(f"x,work\n{rows}{blanks}")
     return measured, uqpen.run(uqpen.parse_study(MACHINE, folder=folder))
 
 
@@ -504,11 +513,62 @@ def test_an_error_of_the_model_itself_has_its_exact_posterior(machine):
     assert predicted.std(axis=0) == pytest.approx(np.full(11, 0.013), rel=0.3)
 
 
+def test_blank_rows_are_predicted_with_the_error_of_the_model(machine):
+    measured, tree = machine
+    weights, means, _ = discrepancy.posterior(measured, discrepancy.SITUATIONS["process"])
+    found = tree["calibrations/with"]["prediction"]
+    assert tree["calibrations/with"]["prediction_row"].values.tolist() == [12, 13, 14, 15]
+    # In standard deviations of 600 draws; the grid is off by less.
+    assert found.values[:, 0] == pytest.approx(weights @ means[:, 1:], abs=0.05)
+    assert found.values[0] == pytest.approx([1.744, 1.733, 1.755], abs=0.002)
+    # Outside of 0.2 to 4, nothing is known of the model's own error.
+    assert np.isnan(found.values[1:, 1:]).all()
+    # The model alone is sure there, and wrong.
+    alone = tree["calibrations/without"]["prediction"].values
+    assert (alone[1:, 1] > discrepancy.truth(np.array(discrepancy.WHERE))[1:]).all()
+    (table,) = (each for each in output_tables(tree) if each.title == "with: predictions")
+    assert [title for title, _ in table.rows][:2] == ["work, row 12, x 3.1", "work, row 13, x 5"]
+    reason = "outside of the measured range of x nothing is known of the model's own error"
+    assert table.notes == [reason]
+    # Their runs are those of draws of the posterior, and of no others.
+    runs = tree["runs/with"]
+    blank = runs["experiment"].values >= 11
+    assert 0.8 * 600 * 4 < blank.sum() <= 600 * 4
+    kept = tree["calibrations/with/sample_stats"]["draw_number"].values
+    assert set(runs["draw"].values[blank]).isdisjoint(runs["draw"].values[~blank])
+    assert set(runs["parent_draw"].values[blank]) == set(kept.ravel())
+
+
+def test_a_process_that_grows_from_0_is_predicted_outside_of_the_measurements():
+    known = UnknownSize("", 1.0, "1", "")
+    places, beyond = np.array([1.0, 2.0, 3.0]), np.array([0.0, 2.5, 9.0])
+    of = Discrepancy("x", places, known, known, zero_at=0.0)
+    nothing, rows = np.zeros(3), np.arange(3)
+
+    def section(x, std, blank=None):
+        errors = MeasurementErrors(nothing + std, nothing, discrepancy=replace(of, places=x))
+        made = MeasuredOutput(Output("y", "1"), rows, {}, nothing, rows * 0, rows + 1, errors)
+        return MeasuredOutputs("m", (), (), (), {"x": x}, {}, (made,), 3, blank=blank)
+
+    measured = Experiments((section(places, 0.1, section(beyond, 0.0)),))
+    off, sizes = np.array([0.3, 0.7, 0.8]), np.array([0.5, 2.0])
+    covariance = measured.covariance(nothing, sizes)
+    mean, variance = measured.discrepancies(off, covariance, sizes)
+    # The process by x / 2 has the standard deviation 0.5 everywhere, and is seen as 2 off / x.
+    both = np.concatenate([places, beyond])
+    whole = 0.25 * np.exp(-0.125 * np.subtract.outer(both, both) ** 2)
+    weights = whole[3:, :3] @ np.linalg.inv(whole[:3, :3] + np.diag((0.2 / places) ** 2))
+    assert mean == pytest.approx(weights @ (2 * off / places) * beyond / 2)
+    exact = np.diag(whole[3:, 3:] - weights @ whole[:3, 3:])
+    assert variance == pytest.approx(exact * (beyond / 2) ** 2)
+
+
 def test_the_answer_says_what_hangs_on_an_error_of_the_model(machine):
     _, tree = machine
     statements = dict(posterior_statements(tree))
     assert (
-        "may have an error of its own: work along x. Without it (without), " in statements["with"]
+        "Without it (without), theta would be elsewhere by more than a standard deviation: these "
+        "values make this model fit; they are no material data." in statements["with"]
     )
     assert "error of its own" not in statements["without"]
     rows = dict(next(t for t in output_tables(tree) if t.title == "with: posterior").rows)
@@ -524,8 +584,6 @@ def test_the_covariance_of_an_error_of_the_model_is_one(std, length, zero_at, se
     of = Discrepancy("x", places, number, number, zero_at)
     kernel = of.kernel(places, places, np.array(std), np.array(length))
     assert kernel == pytest.approx(kernel.T)
-    assert np.linalg.eigvalsh(kernel).min() > -1e-9 * std**2
-    assert (np.diag(kernel) <= std**2 * (1 + 1e-12)).all()
-    if zero_at is not None:
-        there = of.kernel(np.array([zero_at]), places, np.array(std), np.array(length))
-        assert np.abs(there).max() < 1e-12 * std**2
+    assert np.linalg.eigvalsh(kernel).min() > -1e-9 * np.diag(kernel).max()
+    lengths = 1.0 if zero_at is None else np.abs(places - zero_at) / length
+    assert np.sqrt(np.diag(kernel)) == pytest.approx(std * lengths)

@@ -15,6 +15,7 @@ from types import MappingProxyType
 
 from uqpen.core.labels import (
     BAND_CONTENT,
+    BLANK_ROW,
     BOUNDED_EVENT,
     BOUNDS,
     BUDGET,
@@ -1012,6 +1013,32 @@ CALIBRATION_STATISTICS = _by_name(
             "predicted_std",
             "standard deviation of the model over the posterior",
             (MEASURED_ROW,),
+            has_bounds=False,
+        ),
+        Statistic(
+            "prediction",
+            "what a posterior predicts at conditions of which nothing was measured",
+            (BLANK_ROW,),
+            note_is_of_estimate=True,
+            own=EntryDimension(BLANK_ROW, "count"),
+        ),
+        Statistic(
+            "prediction_std", "standard deviation of the same", (BLANK_ROW,), has_bounds=False
+        ),
+        Statistic(
+            "prediction_output",
+            "output that is predicted",
+            (BLANK_ROW,),
+            has_bounds=False,
+            kind="text",
+        ),
+        Statistic(
+            "prediction_row", "number of its row in the file", (BLANK_ROW,), has_bounds=False
+        ),
+        Statistic(
+            "prediction_condition",
+            "condition or place of a prediction",
+            (BLANK_ROW, MEASURED_CONDITION),
             has_bounds=False,
         ),
         *(Statistic(name, title, has_bounds=False) for name, title in _OF_FIT.items()),

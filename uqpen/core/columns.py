@@ -145,8 +145,10 @@ def read_draws(path: Path, group: str) -> ColumnFile:
     return ColumnFile(FileSnapshot.from_content(path, content), tuple(columns))
 
 
-def columns_of_table(table: Mapping[str, object]) -> tuple[Column, ...]:
+def columns_of_table(table: Mapping[str, object], *, blanks: bool = False) -> tuple[Column, ...]:
     """Return the columns of a table of lists by heading, each as a CSV file would have it.
+
+    An empty text is a blank, which is NaN where blanks are allowed.
 
     TableError if a heading is not of the form ``name [unit]``, or the lists differ in length.
     """
@@ -157,17 +159,18 @@ def columns_of_table(table: Mapping[str, object]) -> tuple[Column, ...]:
         if not isinstance(values, list):
             raise TableError(f'column "{name}": found {toml_text(values)}, expected a list')
         lengths.add(len(values))
-        columns.append(Column(name, unit, functools.partial(_listed, values, name)))
+        columns.append(Column(name, unit, functools.partial(_listed, values, name, blanks)))
     if len(lengths) != 1:
         raise TableError("its columns differ in length" if lengths else "it has no columns")
     return tuple(columns)
 
 
-def _listed(values: list[Any], name: str) -> FloatArray:
-    for value in values:
+def _listed(values: list[Any], name: str, blanks: bool) -> FloatArray:
+    kept = [value for value in values if not (blanks and value == "")]
+    for value in kept:
         if not isinstance(value, int | float) or not is_finite_number(value):
             raise TableError(f'column "{name}": found {toml_text(value)}, expected a number')
-    return np.array(values, dtype=np.float64)
+    return np.array([math.nan if value == "" else value for value in values])
 
 
 def _csv(path: Path, content: bytes) -> Iterator[tuple[int, list[str]]]:

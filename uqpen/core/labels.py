@@ -367,6 +367,8 @@ CATEGORY = "category"
 BOUNDED_EVENT = "bounded_event"
 # A measured value that a model is compared with, by its number.
 MEASURED_ROW = "measured_row"
+# A row of the measurements in which nothing was measured, by its number among these.
+BLANK_ROW = "blank_row"
 # A condition of it, or a dimension along which it has a place.
 MEASURED_CONDITION = "measured_condition"
 # An event of several outputs.

@@ -317,6 +317,48 @@ def _replicate(
             turn = 1 - turn
 
 
+@dataclass(frozen=True, eq=False)
+class Replicate:
+    """Sample of a replicate, from its runs."""
+
+    runs: IntArray  # (draw,): numbers of the runs that its draws are
+    start: IntArray  # (draw,): those of the draws that its last level moved from
+    log_evidence: float  # logarithm of the mean of the likelihood over the prior
+    exponent: float  # power of the likelihood that its last level has; 1 for the posterior
+
+    @classmethod
+    def of(
+        cls, sampled: PosteriorPoints, log_likelihood: FloatArray, number: int
+    ) -> Replicate | None:
+        """Return the last level of a replicate; None where it has none behind the prior.
+
+        Parameters
+        ----------
+        sampled : PosteriorPoints
+            All runs of a design.
+        log_likelihood : ndarray, shape (run,)
+            Of each run, NaN where it failed.
+        number : int
+            Number of the replicate.
+        """
+        found = np.where(np.isfinite(log_likelihood), log_likelihood, np.nan)
+        everything = Particles(np.arange(len(found)), found)
+        members = np.flatnonzero(sampled.replicate == number)
+        drawn = members[sampled.exponent[members] == 0]
+        completed = drawn[np.isfinite(found[drawn])]
+        if len(members) == len(drawn):
+            return None
+        particles = everything.at(completed)
+        log_evidence, exponent = math.log(len(completed) / len(drawn)), 0.0
+        for moved in members[len(drawn) :].reshape(-1, len(drawn)):
+            states = sampled.parent[moved]
+            if (higher := float(sampled.exponent[moved[0]])) > exponent:
+                log_evidence += particles.log_mean(higher - exponent)
+                exponent, start = higher, states
+            particles = everything.at(states).moved(everything.at(moved), sampled.least[moved])
+        return cls(particles.runs, start, log_evidence, exponent)
+
+
 # The design: the unknowns of a study, and the particles of its sampler.
 
 # So few particles of each coordinate have a covariance that is worth to follow.
@@ -417,7 +459,8 @@ class PriorCoordinates:
         made = points_dataset(
             self.joint, self.inputs(points), coordinates, runs=size * measured.count
         )
-        return made.assign_attrs({MEASURED: measured.name})
+        text = measured.discrepancy_text
+        return made.assign_attrs({MEASURED: measured.name} | ({DISCREPANCY: text} if text else {}))
 
 
 @dataclass(frozen=True)
@@ -464,41 +507,85 @@ class Posterior(LimitedMeasuredDesign):
             expected = f"at least {least}, {_PARTICLES_OF_EACH} for each of {dimension} unknowns: "
             expected += "inputs, sizes of errors, and each value of what varies"
             yield Problem(("particles",), str(self.particles), expected)
-        least = 2 * self.particles * self.replicates * self.experiments.count
+        least = 2 * self.particles * self.replicates * self.experiments.count + self._of_blank_rows
         if self.at_most < least:
             expected = f"at least {least:_}: {self.replicates} replicates of {self.particles} "
             expected += f"particles, each at {self.experiments.count} experiments, and one move"
+            if blank := self.experiments.blank.count:
+                expected += f"; then at {blank} of blank rows"
             yield Problem(("at_most",), f"{self.at_most:_}", expected)
 
     @property
     def replicate_count(self) -> int:
         return self.replicates
 
+    @property
+    def _of_blank_rows(self) -> int:
+        """Largest number of runs at blank rows."""
+        return self.particles * self.replicates * self.experiments.blank.count
+
     def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
         measured, prior = self.experiments, PriorCoordinates(joint, self.experiments)
-        at_most = self.at_most // measured.count
+        at_most = (self.at_most - self._of_blank_rows) // measured.count
         sampler = sample_posterior(
             prior.dimension, self.particles, self.replicates, at_most, stream
         )
-        asked, made = next(sampler), 0
+        made, found, first = [next(sampler)], list[FloatArray](), 0
         while True:
+            asked = made[-1]
             of_draws = {
                 REPLICATE: asked.replicate,
                 LIKELIHOOD_EXPONENT: asked.exponent,
                 PARENT_DRAW: asked.parent,
                 LEAST_LOG_LIKELIHOOD: asked.least,
             }
-            points = prior.runs(asked.points, made, of_draws)
-            made += len(asked.points)
-            if measured.has_discrepancy:
-                points = points.assign_attrs({DISCREPANCY: measured.discrepancy_text})
-            feedback = yield points
+            feedback = yield prior.runs(asked.points, first, of_draws)
+            first += len(asked.points)
             (runs,) = feedback.runs.values()
             with one_blas_thread():
+                found.append(log_likelihoods(measured, runs))
                 try:
-                    asked = sampler.send(log_likelihoods(measured, runs))
+                    made.append(sampler.send(found[-1]))
                 except StopIteration:
-                    return
+                    break
+        if measured.blank.count:
+            sampled = PosteriorPoints(*map(np.concatenate, zip(*made, strict=True)))
+            yield from self._rounds_of_blank_rows(prior, sampled, np.concatenate(found), stream)
+
+    def _rounds_of_blank_rows(
+        self,
+        prior: PriorCoordinates,
+        sampled: PosteriorPoints,
+        log_likelihood: FloatArray,
+        stream: Stream,
+    ) -> Rounds:
+        """Yield the runs at blank rows: of the draws of the posterior, if it has any."""
+        numbers = range(self.replicates)
+        replicates = [Replicate.of(sampled, log_likelihood, number) for number in numbers]
+        drawn = [each.runs for each in replicates if each is not None and each.exponent == 1]
+        if len(drawn) < self.replicates:
+            return
+        draws, blank = np.unique(np.concatenate(drawn)), self.experiments.blank
+        beyond, known = PriorCoordinates(prior.joint, blank), len(prior.unknowns)
+        shape = len(draws), beyond.dimension - known
+        normal = stream.generator("blank rows").standard_normal(shape)
+        points = np.hstack([sampled.points[draws, :known], normal])
+        of_draws = {
+            REPLICATE: sampled.replicate[draws],
+            LIKELIHOOD_EXPONENT: np.ones(len(draws)),
+            PARENT_DRAW: draws,
+            LEAST_LOG_LIKELIHOOD: np.full(len(draws), -math.inf),
+        }
+        runs = beyond.runs(points, len(sampled.points), of_draws)
+        # They are experiments behind those with measurements.
+        number = runs[EXPERIMENT] + self.experiments.count
+        yield runs.assign_coords({EXPERIMENT: number})
+
+
+def split_runs(measured: Experiments, runs: xr.Dataset) -> tuple[xr.Dataset, xr.Dataset]:
+    """Return the runs that a posterior was sampled by, and those where nothing was measured."""
+    sampled = int(np.count_nonzero(runs[EXPERIMENT].values < measured.count))
+    return runs.isel({RUN: slice(sampled)}), runs.isel({RUN: slice(sampled, None)})
 
 
 def log_likelihoods(measured: Experiments, runs: xr.Dataset) -> FloatArray:

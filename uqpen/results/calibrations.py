@@ -12,6 +12,7 @@ import xarray as xr
 from uqpen.archive.groups import group_names, read_group
 from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import (
+    BLANK_ROW,
     BOUND,
     CALIBRATIONS,
     COMBINATION,
@@ -27,7 +28,7 @@ from uqpen.results.digits import count_text, estimate_text, number_text
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.results.table import NOTHING, OutputTable, label_with_unit, shown_unit
 from uqpen.results.texts import capitalized, unit_suffix
-from uqpen.results.validations import UNLIKELY
+from uqpen.results.validations import UNLIKELY, MeasuredRows
 
 
 def calibration_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
@@ -38,6 +39,8 @@ def calibration_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
         runs = read_group(tree, RUNS, design)
         if "posterior_mean" in found:
             yield _posterior_table(design, found, runs)
+        if "prediction" in found:
+            yield _predictions_table(design, found, runs)
         if "unknown_value" in found:
             yield _unknowns_table(design, found, runs)
             yield _combinations_table(design, found)
@@ -73,13 +76,17 @@ def _discrepancy_sentence(
         moved = []
         for name in other["posterior_mean"][UNKNOWN].values.tolist():
             at = {UNKNOWN: name}
-            means = [float(each["posterior_mean"].sel(at)[0]) for each in (found, other)]
-            if abs(means[0] - means[1]) > float(found["posterior_std"].sel(at)[0]):
+            (mean, std), (alone, own) = (
+                [float(each[f"posterior_{key}"].sel(at)[0]) for key in ("mean", "std")]
+                for each in (found, other)
+            )
+            # The model alone is surer, and is what a reader would believe.
+            if abs(mean - alone) > min(std, own):
                 moved.append(name)
         if moved:
             return (
                 f"{text} Without it ({design}), {', '.join(moved)} would be elsewhere by more than "
-                "a standard deviation: the values make this model fit, and are no material data."
+                "a standard deviation: these values make this model fit; they are no material data."
             )
         return f"{text} Without it ({design}), all unknowns are within a standard deviation."
     return f"{text} How much hangs on it, a second posterior with discrepancy = false would say."
@@ -228,6 +235,27 @@ def _posterior_table(
         else:
             cells += [NOTHING] * (len(columns) - 1)
         table.rows.append((label_with_unit(name, unit), cells))
+    return table
+
+
+def _predictions_table(
+    design: str, found: Mapping[str, xr.DataArray], runs: xr.Dataset
+) -> OutputTable:
+    """Return what a posterior predicts where nothing was measured."""
+    table = OutputTable(f"{design}: predictions", ["prediction", "sd"])
+    rows = {
+        "condition": found.get("prediction_condition"),
+        "experiment_number": found["prediction_row"],
+    }
+    known = {name: array for name, array in rows.items() if array is not None}
+    for place, output in enumerate(found["prediction_output"].values.tolist()):
+        of = MeasuredRows(design, output, known, runs)
+        at = {BLANK_ROW: place}
+        std = float(of.scale.difference_from_si(found["prediction_std"].values[place]))
+        cells = [table.cell(found["prediction"][at], of.scale.from_si)]
+        cells.append(number_text(std) if math.isfinite(std) else NOTHING)
+        title = label_with_unit(f"{output}, row {of.label(place)}", of.unit)
+        table.rows.append((title, cells))
     return table
 
 

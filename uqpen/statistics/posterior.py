@@ -16,10 +16,12 @@ import xarray as xr
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 from uqpen.core.catalogue import CALIBRATION_STATISTICS
 from uqpen.core.labels import (
+    BLANK_ROW,
     EXPERIMENT,
     LEAST_LOG_LIKELIHOOD,
     LIKELIHOOD_EXPONENT,
     MEASURED_CONDITION,
+    MEASURED_ROW,
     PARENT_DRAW,
     PROBABILITY,
     REPLICATE,
@@ -30,11 +32,12 @@ from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.designs.posterior import (
-    Particles,
     PosteriorPoints,
+    Replicate,
     error_stds,
     largest_correlation,
     log_likelihoods,
+    split_runs,
 )
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.measurements import EXACTLY, Experiments, MeasuredOutput
@@ -48,48 +51,6 @@ from uqpen.statistics.intervals import student_interval
 _LARGEST_RHAT, _LARGEST_ERROR, _RELATED = 1.01, 0.05, 0.2
 # A share of failed runs around the posterior that a reader has to know of.
 MANY_FAILED = 0.05
-
-
-@dataclass(frozen=True, eq=False)
-class Replicate:
-    """Sample of a replicate, from its runs."""
-
-    runs: IntArray  # (draw,): numbers of the runs that its draws are
-    start: IntArray  # (draw,): those of the draws that its last level moved from
-    log_evidence: float  # logarithm of the mean of the likelihood over the prior
-    exponent: float  # power of the likelihood that its last level has; 1 for the posterior
-
-    @classmethod
-    def of(
-        cls, sampled: PosteriorPoints, log_likelihood: FloatArray, number: int
-    ) -> Replicate | None:
-        """Return the last level of a replicate; None where it has none behind the prior.
-
-        Parameters
-        ----------
-        sampled : PosteriorPoints
-            All runs of a design.
-        log_likelihood : ndarray, shape (run,)
-            Of each run, NaN where it failed.
-        number : int
-            Number of the replicate.
-        """
-        found = np.where(np.isfinite(log_likelihood), log_likelihood, np.nan)
-        everything = Particles(np.arange(len(found)), found)
-        members = np.flatnonzero(sampled.replicate == number)
-        drawn = members[sampled.exponent[members] == 0]
-        completed = drawn[np.isfinite(found[drawn])]
-        if len(members) == len(drawn):
-            return None
-        particles = everything.at(completed)
-        log_evidence, exponent = math.log(len(completed) / len(drawn)), 0.0
-        for moved in members[len(drawn) :].reshape(-1, len(drawn)):
-            states = sampled.parent[moved]
-            if (higher := float(sampled.exponent[moved[0]])) > exponent:
-                log_evidence += particles.log_mean(higher - exponent)
-                exponent, start = higher, states
-            particles = everything.at(states).moved(everything.at(moved), sampled.least[moved])
-        return cls(particles.runs, start, log_evidence, exponent)
 
 
 @dataclass(frozen=True, eq=False)
@@ -294,15 +255,19 @@ def posterior_statistics(
     measured: Experiments, runs: xr.Dataset, level: float
 ) -> Iterator[tuple[str, xr.DataArray]]:
     """Yield what the runs of a posterior say, by the names of the catalogue."""
+    runs, beyond = split_runs(measured, runs)
     sample = posterior_sample(measured, runs, level)
     if isinstance(sample, str):
         yield from no_posterior(measured, sample, level)
         return
     drawn = sample.runs.ravel()
     shares = np.full(len(drawn), 1 / len(drawn))
-    yield from predicted_rows(
-        measured, measured.predicted(runs)[drawn], error_stds(measured, runs)[drawn], shares
-    )
+    predicted, sizes = measured.predicted(runs)[drawn], error_stds(measured, runs)[drawn]
+    yield from predicted_rows(measured, predicted, sizes, shares)
+    if measured.blank.count:
+        at = np.searchsorted(beyond[PARENT_DRAW].values[:: measured.blank.count], drawn)
+        results = measured.blank.predicted(beyond)[at]
+        yield from blank_row_statistics(measured, predicted, sizes, results, level)
     notes = np.array(sample.faults, dtype=object)
     estimates = {
         "posterior_mean": replace(sample.mean, note=notes).with_note(sample.failure_note),
@@ -348,6 +313,81 @@ def predicted_rows(
         predicted_mean=middle,
         predicted_std=np.sqrt(variance),
     )
+
+
+# Draws of a normal distribution that stand for it among those of others.
+_NORMAL = scipy.special.ndtri((np.arange(49) + 0.5) / 49)
+
+
+def blank_row_statistics(
+    measured: Experiments,
+    predicted: FloatArray,
+    sizes: FloatArray,
+    results: FloatArray,
+    level: float,
+) -> Iterator[tuple[str, xr.DataArray]]:
+    """Yield what a posterior predicts where nothing was measured: the model with its own error.
+
+    Parameters
+    ----------
+    measured : Experiments
+    predicted : ndarray, shape (draw, row)
+        Results of the draws of a posterior.
+    sizes : ndarray, shape (draw, size)
+        Their numbers of the errors that are not known.
+    results : ndarray, shape (draw, blank row)
+        Results at the blank rows; NaN where a run failed.
+    level : float
+        Probability of the truth to be inside of an interval.
+    """
+    blank, variances = measured.blank, np.zeros(results.shape)
+    means = results.copy()
+    for draw in range(len(means) if measured.has_discrepancy else 0):
+        covariance = measured.covariance(predicted[draw], sizes[draw])
+        off = measured.values - predicted[draw]
+        mean, variances[draw] = measured.discrepancies(off, covariance, sizes[draw])
+        means[draw] += mean
+    estimates, stds = [], []
+    for mean, variance in zip(means.T, variances.T, strict=True):
+        kept = np.isfinite(mean)
+        mean, variance = mean[kept], variance[kept]
+        if not len(mean):
+            estimates.append(Estimate.without_bounds(math.nan, texts.NO_RUN))
+            stds.append(math.nan)
+            continue
+        drawn = mean[:, np.newaxis] + np.sqrt(variance)[:, np.newaxis] * _NORMAL
+        lower, upper = np.quantile(drawn, (0.5 - level / 2, 0.5 + level / 2)).tolist()
+        failed = len(kept) - len(mean)
+        note = texts.FAILED_DRAWS.format(failed=failed, draws=len(kept)) if failed else ""
+        method = texts.POSTERIOR_PREDICTIVE
+        estimates.append(Estimate(float(mean.mean()), lower, upper, method, "nominal", note))
+        stds.append(math.sqrt(mean.var() + variance.mean()))
+    whole, at = (dict(each.measured_rows()) for each in (measured, blank))
+    found = Estimate.stacked(estimates)
+    for (each, own), (_, there) in zip(measured.rows, blank.rows, strict=True):
+        of = each.errors.discrepancy
+        names = [] if of is None else whole["condition"][MEASURED_CONDITION].values.tolist()
+        for place, name in enumerate(names):
+            if of is not None and name == of.along and of.zero_at is not None:
+                continue
+            known, values = (array["condition"].values[:, place] for array in (whole, at))
+            is_beyond = np.zeros(len(values), dtype=np.bool_)
+            lowest, highest = known[own].min(), known[own].max()
+            is_beyond[there] = (values[there] < lowest) | (values[there] > highest)
+            reason = texts.BEYOND_MEASURED.format(name=name)
+            found = found.remove_bounds_at(is_beyond, reason)
+    along = {BLANK_ROW: np.arange(1, len(stds) + 1)}
+    described = {"units": DIMENSIONLESS, "long_name": "predictions, each in its SI unit"}
+    yield "prediction", found.to_array(BLANK_ROW, coordinates=along, level=level, **described)
+    spread = np.where(found.has_bounds, stds, np.nan)
+    yield "prediction_std", xr.DataArray(spread, along, (BLANK_ROW,))
+    for name, own_name in (
+        ("measured_output", "prediction_output"),
+        ("file_row", "prediction_row"),
+        ("condition", "prediction_condition"),
+    ):
+        if name in at:
+            yield own_name, at[name].rename({MEASURED_ROW: BLANK_ROW})
 
 
 def failed_shares(
@@ -410,6 +450,7 @@ def posterior_groups(
     joint: JointDistribution, measured: Experiments, runs: xr.Dataset, stream: Stream
 ) -> Iterator[tuple[str, xr.Dataset]]:
     """Yield the groups of `arviz_groups` of a design's replicates; none without a posterior."""
+    runs, _ = split_runs(measured, runs)
     sample = posterior_sample(measured, runs, LEVEL)
     if isinstance(sample, str):
         return

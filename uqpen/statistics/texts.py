@@ -492,6 +492,10 @@ UNFINISHED_POSTERIOR = (
     "raise at_most"
 )
 FAILED_AT_POSTERIOR = "{share:.0%} of the draws around the posterior failed, and are left out of it"
+POSTERIOR_PREDICTIVE = "quantiles of the posterior predictive distribution"
+BEYOND_MEASURED = (
+    "outside of the measured range of {name} nothing is known of the model's own error"
+)
 STUDENT_OVER_WEIGHTED_DRAWS = "Student's t over weighted draws"
 NO_SURROGATE = (
     "no posterior: after {draws} draws no surrogate could be fitted and sampled; {share:.0%} of "

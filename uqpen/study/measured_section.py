@@ -147,28 +147,68 @@ def _read_section(name: str, section: TableReader, model: Model) -> MeasuredOutp
     measured = [of_output for of_output in read_outputs if of_output is not None]
     if len(measured) < len(tables):
         return None
-    # An experiment of which nothing was measured has no runs.
-    kept, numbers = np.unique(
-        np.concatenate([each.experiment for each in measured]), return_inverse=True
+
+    def at_rows(measured: Sequence[MeasuredOutput]) -> MeasuredOutputs:
+        """Return the measurements at some rows, with the experiments of these alone."""
+        kept, numbers = np.unique(
+            np.concatenate([each.experiment for each in measured]), return_inverse=True
+        )
+        ends = np.cumsum([len(each.experiment) for each in measured])[:-1]
+        numbered = (
+            replace(each, experiment=own)
+            for each, own in zip(measured, np.split(numbers, ends), strict=True)
+        )
+        return MeasuredOutputs(
+            name,
+            tuple(roles["unknown"]),
+            tuple(roles["varies"]),
+            tuple(roles["fixed"]),
+            {key: values[first[kept]] for key, values in columns.items()},
+            {key: np.full(len(kept), std) for key, std in stds.items()},
+            tuple(numbered),
+            len(kept),
+            source or "",
+            file,
+        )
+
+    blank = at_rows(_blank_rows(rows, tables, measured, experiment))
+    return replace(at_rows(measured), blank=blank)
+
+
+def _blank_rows(
+    rows: _Table,
+    tables: Mapping[str, TableReader],
+    measured: Sequence[MeasuredOutput],
+    experiment: IntArray,
+) -> list[MeasuredOutput]:
+    """Return the outputs at the rows in which nothing was measured, but which have their places."""
+    blank = np.setdiff1d(
+        np.arange(rows.rows), np.concatenate([each.lines for each in measured]) - 1
     )
-    ends = np.cumsum([len(each.experiment) for each in measured])[:-1]
-    measured = [
-        replace(each, experiment=own)
-        for each, own in zip(measured, np.split(numbers, ends), strict=True)
-    ]
-    first = first[kept]
-    return MeasuredOutputs(
-        name,
-        tuple(roles["unknown"]),
-        tuple(roles["varies"]),
-        tuple(roles["fixed"]),
-        {key: values[first] for key, values in columns.items()},
-        {key: np.full(len(first), std) for key, std in stds.items()},
-        tuple(measured),
-        len(first),
-        source or "",
-        file,
-    )
+    for each in measured:
+        for dimension in each.output.dims:
+            along = rows.values(dimension.name, dimension.unit)
+            blank = blank if along is None else blank[~np.isnan(along[blank])]
+    found, nothing = [], np.zeros(len(blank))
+    for each in measured:
+        of = each.errors.discrepancy
+        if of is not None and (along := rows.values(of.along, of.length.unit)) is not None:
+            of = replace(of, places=along[blank])
+        errors = MeasurementErrors(nothing, nothing, each.errors.size, discrepancy=of)
+        places = _places(tables[each.output.name], each.output, rows, blank)
+        values, exactly = nothing + np.nan, np.zeros(len(blank), dtype=np.int64)
+        found.append(
+            replace(
+                each,
+                experiment=experiment[blank],
+                places=places,
+                values=values,
+                censoring=exactly,
+                lines=blank + 1,
+                errors=errors,
+            )
+        )
+    return found
 
 
 def _conditions(section: TableReader) -> dict[str, Any]:
@@ -208,7 +248,7 @@ def _read_file(
     snapshot = None
     try:
         if key == "table":
-            columns = columns_of_table(section.take(key))
+            columns = columns_of_table(section.take(key), blanks=True)
         else:
             written = section.text(key, 'the name of a file, such as "shots.csv"')
             if written is None:
@@ -691,6 +731,8 @@ def role_lines(study: ValidatedStudy) -> Iterator[str]:
         rows = sum(len(of_output.values) for of_output in each.outputs)
         several = "s" * (each.experiments > 1)
         parts = [f"{each.experiments} experiment{several}, {rows} values"]
+        if each.blank and (blank := len(each.blank.outputs[0].values)):
+            parts.append(f"{blank} blank row{'s' * (blank > 1)}, which a posterior predicts")
         parts += [
             f"{role} {', '.join(names)}"
             for role, names in (
