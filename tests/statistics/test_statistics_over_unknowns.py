@@ -52,8 +52,7 @@ def fitted(module_study_of, measured):
 def test_a_fitted_input_has_its_predictive_its_plug_in_and_the_interval_over_its_draws(fitted):
     study, tree = fitted
     found = stated(tree)
-    (entry,) = study.joint.fitted
-    unknown = entry.unknown
+    (unknown,) = study.joint.fitted.values()
     at = np.array(8.0)
     exact = {
         "below": float(unknown.predictive.cdf(at)),
@@ -105,10 +104,10 @@ def test_numbers_do_not_depend_on_the_draws_that_are_in_memory_together(fitted, 
 
 def test_runs_of_another_distribution_count_by_their_weights_as_well(fitted):
     study, tree = fitted
-    (entry,) = study.joint.fitted
+    (unknown,) = study.joint.fitted.values()
     drawn = Normal(9.5, 2.0)
     x = drawn.ppf(np.random.default_rng(3).random(8000))
-    weight = np.exp(entry.distribution.log_density(x) - drawn.log_density(x))
+    weight = np.exp(study.joint.random[0].distribution.log_density(x) - drawn.log_density(x))
     points = {"x": ("run", x), "y": ("run", x), "b": ("run", np.zeros(8000))}
     runs = xr.Dataset(points | {STATUS: ("run", np.zeros(8000, np.int8))})
     runs = runs.assign_coords({WEIGHT: ("run", weight)})
@@ -116,7 +115,7 @@ def test_runs_of_another_distribution_count_by_their_weights_as_well(fitted):
     found = module.statistics_over_unknowns(runs, study.quantities_of_interest, study.joint)["y"]
     of_draws = stated(tree)["fitted_below"].values[0]
     assert found["fitted_below"].values[0] == pytest.approx(of_draws, rel=0.15, abs=2e-3)
-    plug_in = float(entry.unknown.fitted.cdf(np.array(8.0)))
+    plug_in = float(unknown.fitted.cdf(np.array(8.0)))
     assert found["plug_in_below"].values[0, 0] == pytest.approx(plug_in, abs=4e-3)
 
 
@@ -152,7 +151,7 @@ def test_a_box_has_no_one_distribution(box):
     study, tree = box
     assert tree["runs/some"].attrs["sampling"] == Sampling.OVER_BOX
     assert not {"mean", "exceedance", "cdf", "first_order"} & {*tree["statistics/some/y"].data_vars}
-    assert study.joint.at({"x": Normal(0.0, 1.0)}).boxes == ()
+    assert study.joint.at({"x": Normal(0.0, 1.0)}).boxes == {}
     lines = " ".join(summary_lines(tree)).replace("\u00a0", " ")
     assert "over all values of mean and std of x; both bounds lie between" in lines
     bounds = {each.title for each in found_bounds(SourceStatistics(tree), "some")}
@@ -232,7 +231,7 @@ def test_a_box_has_two_curves_and_a_fitted_input_one_in_a_band(box, fitted):
     study, tree = fitted
     (chart,) = cdf_charts(select_view(tree, None, None, None))
     (band,) = (mark for mark in chart.marks if isinstance(mark, Band))
-    draws = [each.cdf(np.asarray(band.x)) for each in study.joint.fitted[0].unknown.draws]
+    draws = [each.cdf(np.asarray(band.x)) for each in study.joint.fitted["x"].draws]
     low, high = np.quantile(draws, [0.025, 0.975], axis=0)
     assert np.asarray(band.lower)[inner] == pytest.approx(low[inner], abs=0.05)
     assert np.asarray(band.upper)[inner] == pytest.approx(high[inner], abs=0.05)
@@ -249,7 +248,7 @@ def test_the_total_over_both_is_computed_and_no_narrower_than_a_part(study_of, t
     _, lower, upper = found["total_exceedance"].values[0]
     assert lower <= found["lower_exceedance"].values[0, 1]
     assert upper >= found["upper_exceedance"].values[0, 2]
-    draws = study.joint.fitted[0].unknown.draws
+    draws = study.joint.fitted["x"].draws
     exact = [
         [norm.sf(12, each.mean + mean, np.hypot(each.std, 1)) for each in draws] for mean in (0, 1)
     ]

@@ -40,7 +40,7 @@ def refusal(study_of, design, **inputs):
 )
 def test_fitted_inputs_are_drawn_from_their_predictive_distribution(study_of, design):
     study = study_of("a + b", EVENT + design, a=MEASURED, b="10 ± 1")
-    (entry,) = study.joint.fitted
+    (entry,) = study.joint.random[:1]
     assert entry.distribution == entry.unknown.predictive
     assert "its parameters uncertain, so drawn as the next specimen is" in entry.description
     assert entry.fit["fit_measurements"] == 8
@@ -133,18 +133,18 @@ def test_mistakes_are_met_with_their_place(study_of, a, expected):
 def test_limits_truncate_all_distributions_of_an_unknown(study_of):
     box = BOX.removesuffix("}") + ", lower = 8, upper = 12 }"
     study = study_of("a", EVENT + '"monte-carlo"\nruns = 9', a=box)
-    (entry,) = study.joint.boxes
+    (entry,) = study.joint.random
     assert {(each.lower, each.upper) for each in entry.unknown.corners()} == {(8.0, 12.0)}
     measured = MEASURED.removesuffix("}") + ", lower = 8 }"
     study = study_of("a", EVENT + '"monte-carlo"\nruns = 9', a=measured)
-    (entry,) = study.joint.fitted
+    (entry,) = study.joint.random[:1]
     assert entry.distribution.ppf(0.0) == pytest.approx(8.0)
     assert {each.lower for each in entry.unknown.draws} == {8.0}
 
 
 def test_the_draws_are_those_of_the_seed_alone(study_of):
     first, second = (
-        study_of(body, EVENT + '"monte-carlo"\nruns = 9', a=MEASURED, b="10 ± 1").joint.fitted[0]
+        study_of(body, EVENT + '"monte-carlo"\nruns = 9', a=MEASURED, b="10 ± 1").joint.random[0]
         for body in ("a + b", "a - b")
     )
     assert first.unknown.draws == second.unknown.draws

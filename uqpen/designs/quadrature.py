@@ -398,8 +398,8 @@ class Quadrature(Design):
             yield Problem(("order",), str(self.order), expected)
 
     def check_inputs(self, joint: JointDistribution) -> Iterator[Problem]:
-        for entry in joint.fitted:
-            found = f"quadrature over {entry.variable.name}, whose parameters are uncertain"
+        for name in joint.fitted:
+            found = f"quadrature over {name}, whose parameters are uncertain"
             expected = (
                 "a sample: the predictive distribution has the tails of Student's, of which higher "
                 "moments are infinite, so its polynomials end"

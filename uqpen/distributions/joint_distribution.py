@@ -150,20 +150,16 @@ class JointDistribution:
         )
 
     @property
-    def boxes(self) -> tuple[RandomInput, ...]:
-        """The random inputs with parameters that are intervals."""
-        return tuple(entry for entry in self.random if isinstance(entry.unknown, ParameterBox))
+    def boxes(self) -> dict[str, ParameterBox]:
+        """The parameters that are intervals, by the random input that has them."""
+        found = {each.variable.name: each.unknown for each in self.random}
+        return {name: each for name, each in found.items() if isinstance(each, ParameterBox)}
 
     @property
-    def interval_parameters(self) -> int:
-        """Number of parameters that are intervals."""
-        unknowns = (entry.unknown for entry in self.random)
-        return sum(len(each.ends) for each in unknowns if isinstance(each, ParameterBox))
-
-    @property
-    def fitted(self) -> tuple[RandomInput, ...]:
-        """The random inputs whose parameters are uncertain, as they follow from specimens."""
-        return tuple(entry for entry in self.random if isinstance(entry.unknown, FittedParameters))
+    def fitted(self) -> dict[str, FittedParameters]:
+        """The parameters that are uncertain, as they follow from specimens, by random input."""
+        found = {each.variable.name: each.unknown for each in self.random}
+        return {name: each for name, each in found.items() if isinstance(each, FittedParameters)}
 
     def at(self, distributions: Mapping[str, Distribution]) -> JointDistribution:
         """Return the joint distribution at values of its unknowns.
@@ -394,9 +390,8 @@ def points_dataset(
         each.variable.name: {INTERVAL_ENDS: np.array([each.lower, each.upper])}
         for each in joint.intervals
     }
-    for each in joint.boxes:
-        if isinstance(each.unknown, ParameterBox):
-            ends[each.variable.name] = {PARAMETER_INTERVALS: " and ".join(each.unknown.ends)}
+    for name, box in joint.boxes.items():
+        ends[name] = {PARAMETER_INTERVALS: " and ".join(box.ends)}
     variables: dict[str, Any] = {}
     # One of several models may not take an input, which is described all the same.
     for variable in joint.variables:

@@ -93,8 +93,8 @@ class Estimate:
         stacked = cls.stacked(map(cls.stacked, rows), axis=0)
         return stacked.to_array(*dimensions, **described)
 
-    def __getitem__(self, place: int) -> Estimate:
-        """Return the estimates at a place."""
+    def __getitem__(self, place: Any) -> Estimate:
+        """Return the estimates at a place, or at those of an index of arrays."""
         return Estimate(*(column[place] for column in self._columns()))
 
     def each(self) -> list[Estimate]:

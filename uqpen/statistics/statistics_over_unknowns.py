@@ -11,6 +11,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import scipy
@@ -19,19 +20,22 @@ import xarray as xr
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.blocks import BlockedRuns, LoadedDataset
 from uqpen.core.catalogue import CATALOGUE
-from uqpen.core.labels import BOUNDED_EVENT, MORE_SPECIMENS, RANK, SAMPLING, SPECIMENS, WEIGHT
+from uqpen.core.labels import (
+    BOUNDED_EVENT,
+    MORE_SPECIMENS,
+    PROBABILITY,
+    RANK,
+    SAMPLING,
+    SPECIMENS,
+    WEIGHT,
+)
 from uqpen.core.lookup import resolve
 from uqpen.core.sampling import Sampling
 from uqpen.core.streams import BLOCK
 from uqpen.distributions.distribution import Distribution
-from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
+from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.distributions.measurements import parameters_text
-from uqpen.distributions.unknowns import (
-    DRAWS,
-    FittedParameters,
-    ParameterBox,
-    grid_of_boxes,
-)
+from uqpen.distributions.unknowns import DRAWS, grid_of_boxes
 from uqpen.statistics import texts
 from uqpen.statistics.analyze import OutputStatistics, output_run_counts, run_counts
 from uqpen.statistics.distribution_function.probabilities import event_probability
@@ -92,15 +96,11 @@ def statistics_over_unknowns(
     """
     sampling = Sampling(runs.attrs[SAMPLING])
     has_sample = sampling in (Sampling.INDEPENDENT, Sampling.STRATIFIED)
-    if not (joint.boxes or (joint.fitted and has_sample)):
+    if not (sampling is Sampling.OVER_BOX if joint.boxes else joint.fitted and has_sample):
         return {}
-    if joint.boxes and sampling is not Sampling.OVER_BOX:
-        return {}
-    handle = LoadedDataset.of(runs)
-    taken = handle.read(0, min(handle.size, BLOCK)).assign_attrs(handle.attrs)
-    independent = taken.assign_attrs({SAMPLING: str(Sampling.INDEPENDENT)})
-    note = texts.FIRST_RUNS.format(runs=BLOCK) if handle.size > BLOCK else ""
-    part, of_runs = LoadedDataset(taken), run_counts(LoadedDataset(taken))
+    taken, note = _first_runs(runs)
+    part = LoadedDataset(taken)
+    of_runs = run_counts(part)
     found: dict[str, OutputStatistics] = {}
     records = [each for each in _KNOWN_OVER_UNKNOWNS if only is None or each.group in only]
     for quantity in quantities:
@@ -108,44 +108,46 @@ def statistics_over_unknowns(
             continue
         output = quantity.output.name
         # Strata of the points are not kept by weights: without them the error is larger.
-        sample = replace(sample_of(independent, output), level=quantity.confidence_level)
+        sample = replace(sample_of(taken, output), level=quantity.confidence_level)
         sample = replace(sample, replicates=np.zeros_like(sample.replicates))
         counts = output_run_counts(part, of_runs, output)
+        own: OutputStatistics = {}
         templates: OutputStatistics = {}
         for record in records:
             made = dict(resolve(record.by["sample"])(sample, quantity))
             templates |= {record.name: made[record.name]} if record.name in made else {}
             if joint.boxes and "cdf_value" in made:
-                found.setdefault(output, {})["cdf_value"] = made["cdf_value"].assign_attrs(counts)
-        if handle.size > BLOCK and joint.fitted:
+                own["cdf_value"] = made["cdf_value"].assign_attrs(counts)
+        if note and joint.fitted:
             # The function of all runs has other values.
             templates.pop("cdf", None)
         estimates = _box_estimates if joint.boxes else _fitted_estimates
-        found[output] = found.get(output, {}) | {
-            name: _array(estimate.with_note(note), template, name, sample.level, counts)
-            for name, template, estimate in estimates(
-                sample, independent, quantity, joint, templates
-            )
-        }
+        for name, template, estimate in estimates(sample, taken, quantity, joint, templates):
+            array = estimate.with_note(note).in_place_of(template, level=sample.level)
+            long_name = f"{CATALOGUE[name].title}, of {template.attrs['long_name']}"
+            own[name] = array.assign_attrs({"long_name": long_name, **counts})
         if joint.fitted and not joint.boxes:
-            found[output] |= {
-                name: array.assign_attrs(counts)
-                for name, array in _with_more_specimens(
-                    sample, independent, quantity, joint, templates
-                )
-            }
+            more = _with_more_specimens(sample, taken, quantity, joint, templates)
+            own |= {name: array.assign_attrs(counts) for name, array in more}
+        found[output] = own
     return found
+
+
+def _first_runs(runs: xr.Dataset | BlockedRuns) -> tuple[xr.Dataset, str]:
+    """Return the runs that are taken, as independent draws, and the note that there are others."""
+    handle = LoadedDataset.of(runs)
+    taken = handle.read(0, min(handle.size, BLOCK))
+    taken = taken.assign_attrs({**handle.attrs, SAMPLING: str(Sampling.INDEPENDENT)})
+    return taken, texts.FIRST_RUNS.format(runs=BLOCK) if handle.size > BLOCK else ""
 
 
 class _Ratios:
     """Logarithms of the ratios of densities at all runs, by the distributions of some inputs."""
 
-    def __init__(
-        self, runs: xr.Dataset, joint: JointDistribution, entries: Sequence[RandomInput]
-    ) -> None:
-        self._joint, self._names = joint, [entry.variable.name for entry in entries]
-        self._values = {name: runs[name].values for name in self._names}
-        self._drawn = joint.log_density(self._values, self._names)
+    def __init__(self, runs: xr.Dataset, joint: JointDistribution, names: Sequence[str]) -> None:
+        self._joint, self._names = joint, names
+        self._values = {name: runs[name].values for name in names}
+        self._drawn = joint.log_density(self._values, names)
         if WEIGHT in runs.coords:
             # Runs of other distributions count for those of the study by weights already.
             with np.errstate(divide="ignore"):
@@ -156,26 +158,10 @@ class _Ratios:
         possible = self._joint.at(dict(zip(self._names, distributions, strict=True)))
         return possible.log_density(self._values, self._names) - self._drawn
 
-
-def _values_at_ranks(sample: Sample, cdf: xr.DataArray) -> FloatArray:
-    """Return the values at which an array has the distribution function of a sample."""
-    return sample_quantile(sample, cdf[RANK].values)
-
-
-def _weighted(sample: Sample, ratios: FloatArray) -> Sample:
-    return replace(sample, weights=np.exp(ratios - ratios.max()))
-
-
-def _array(
-    found: Estimate,
-    template: xr.DataArray,
-    name: str,
-    level: float,
-    counts: Mapping[str, int | str],
-) -> xr.DataArray:
-    """Return answers as an estimate array of the entries that another one has."""
-    long_name = f"{CATALOGUE[name].title}, of {template.attrs['long_name']}"
-    return found.in_place_of(template, level=level).assign_attrs({"long_name": long_name, **counts})
+    def weighted(self, sample: Sample, distributions: Sequence[Distribution]) -> Sample:
+        """Return a sample with the weights at values of the unknowns."""
+        ratios = self.at(distributions)
+        return replace(sample, weights=np.exp(ratios - ratios.max()))
 
 
 # Parameters fitted to specimens: the plug-in answer, and the interval over the draws.
@@ -207,20 +193,16 @@ def events_over_draws(
     DataArray
         Along ``event`` and ``bound``: the median over the draws, and the interval over them.
     """
-    handle = LoadedDataset.of(runs)
-    taken = handle.read(0, min(handle.size, BLOCK)).assign_attrs(handle.attrs)
-    independent = taken.assign_attrs({SAMPLING: str(Sampling.INDEPENDENT)})
+    taken, note = _first_runs(runs)
     by_condition = {event.condition: event for event in events}
     asked = [by_condition[str(each)] for each in probabilities["event_condition"].values]
     outputs = sorted(set[str]().union(*(each.outputs for each in asked)))
-    samples, found = samples_of(LoadedDataset(independent), outputs), []
+    samples, found = samples_of(LoadedDataset(taken), outputs), []
     for place, event in enumerate(asked):
         sample, occurs = event_sample(event, samples, level)
-        templates = {"exceedance": probabilities[[place]]}
-        over = _OverDraws(sample, None, templates, np.asarray(occurs, dtype=np.bool_))
-        estimate = _through_draws(over, sample, independent, joint).estimate("exceedance")
-        note = texts.FIRST_RUNS.format(runs=BLOCK) if handle.size > BLOCK else ""
-        found.append(estimate[0].with_note(note))
+        template = {"exceedance": probabilities[[place]]}
+        over = _over_draws(sample, taken, joint, template, {"exceedance": occurs[np.newaxis]})
+        found.append(over["exceedance"][0].with_note(note))
     long_name = "probability of an event over parameters that fit as well"
     joined = Estimate.stacked(found, axis=0)
     return joined.in_place_of(probabilities, level=level).assign_attrs({"long_name": long_name})
@@ -233,14 +215,14 @@ def _fitted_estimates(
     joint: JointDistribution,
     templates: Mapping[str, xr.DataArray],
 ) -> Iterator[tuple[str, xr.DataArray, Estimate]]:
-    fitted = [e.unknown.fitted for e in joint.fitted if isinstance(e.unknown, FittedParameters)]
-    plugged_in = _weighted(sample, _Ratios(runs, joint, joint.fitted).at(fitted))
-    over = _over_draws(sample, runs, quantity, joint, templates)
+    ratios = _Ratios(runs, joint, [*joint.fitted])
+    plugged_in = ratios.weighted(sample, [each.fitted for each in joint.fitted.values()])
+    over = _over_draws(sample, runs, joint, templates, _events(sample, quantity))
     for name, template in templates.items():
         if name != "cdf":
             plug_in = resolve(CATALOGUE[name].by["part"])(plugged_in, quantity)
             yield f"plug_in_{name}", template, plug_in
-        yield f"fitted_{name}", template, over.estimate(name)
+        yield f"fitted_{name}", template, over[name]
 
 
 def _with_more_specimens(
@@ -252,180 +234,134 @@ def _with_more_specimens(
 ) -> Iterator[tuple[str, xr.DataArray]]:
     """Yield the answers over the draws for more specimens of each input, along ``specimens``."""
     asked = {name: templates[name] for name in _OF_MORE if name in templates}
-    found: dict[str, _OverDraws] = {}
-    for entry in joint.fitted if asked else ():
-        name = entry.variable.name
-        if isinstance(entry.unknown, FittedParameters):
-            for count, draws in entry.unknown.draws_of_more.items():
-                over = _OverDraws(sample, quantity, asked)
-                _through_draws(over, sample, runs, joint, instead={name: draws})
-                found[f"{count} specimens of {name}"] = over
+    if not asked:
+        return
+    events = _events(sample, quantity)
+    found = {
+        f"{count} specimens of {name}": _over_draws(
+            sample, runs, joint, asked, events, instead={name: draws}
+        )
+        for name, each in joint.fitted.items()
+        for count, draws in each.draws_of_more.items()
+    }
+    labels = (SPECIMENS, np.array([*found], dtype=object), {"long_name": "specimens"})
+    words = ", over parameters that fit more specimens"
     for name, template in asked.items() if found else ():
-        estimates = [over.estimate(name) for over in found.values()]
-        labels = (SPECIMENS, np.array([*found], dtype=object), {"long_name": "specimens"})
-        stacked = Estimate.stacked(estimates, axis=0)
-        words = ", over parameters that fit more specimens"
-        array = stacked.along(template, labels, words, level=sample.level)
-        yield f"{MORE_SPECIMENS}{name}", array
+        stacked = Estimate.stacked((over[name] for over in found.values()), axis=0)
+        yield f"{MORE_SPECIMENS}{name}", stacked.along(template, labels, words, level=sample.level)
+
+
+def _events(sample: Sample, quantity: QuantityOfInterest) -> dict[str, BoolArray]:
+    """Return whether the events of each kind of probability occur, shape (event, run)."""
+    limits, lower = (
+        np.array([each.value for each in thresholds])[:, np.newaxis]
+        for thresholds in (quantity.thresholds, quantity.lower_thresholds)
+    )
+    kinds = np.arange(len(quantity.output.categories))[:, np.newaxis]
+    values = sample.values
+    return {"exceedance": values > limits, "below": values < lower, "share": values == kinds}
 
 
 def _over_draws(
     sample: Sample,
     runs: xr.Dataset,
-    quantity: QuantityOfInterest,
     joint: JointDistribution,
     templates: Mapping[str, xr.DataArray],
-    place: Sequence[Distribution] = (),
-) -> _OverDraws:
-    """Return the answers over all draws, at a place of the boxes if there are any."""
-    return _through_draws(_OverDraws(sample, quantity, templates), sample, runs, joint, place)
-
-
-def _through_draws(
-    over: _OverDraws,
-    sample: Sample,
-    runs: xr.Dataset,
-    joint: JointDistribution,
+    events: Mapping[str, BoolArray],
     place: Sequence[Distribution] = (),
     instead: Mapping[str, Sequence[Distribution]] = MappingProxyType({}),
-) -> _OverDraws:
-    """Add all draws of the fitted parameters, those of some inputs in place of their own."""
-    draws = [
-        instead.get(each.variable.name, each.unknown.draws)
-        for each in joint.fitted
-        if isinstance(each.unknown, FittedParameters)
-    ]
-    ratios = _Ratios(runs, joint, (*joint.fitted, *joint.boxes))
+) -> dict[str, Estimate]:
+    """Return answers over all draws of the parameters, each with a draw for its sampling error.
+
+    They are at a place of the boxes if there are any. Inputs may have other draws `instead`.
+    """
+    draws = [instead.get(name, each.draws) for name, each in joint.fitted.items()]
     every = [*zip(*draws, strict=False)]  # for more specimens there are fewer
-    for start in range(0, len(every), _TOGETHER):
+    ratios = _Ratios(runs, joint, [*joint.fitted, *joint.boxes])
+    # Multiples of the golden ratio are spread evenly, also those of any part in a row.
+    spread = np.asarray((np.arange(DRAWS) + 0.5) * ((math.sqrt(5) - 1) / 2) % 1.0)
+    order = np.argsort(sample.values, kind="stable")
+    ascending = sample.values[order]
+    few, found = 0, {name: list[FloatArray]() for name in templates}
+    for start in range(0, len(every), _TOGETHER) if sample.size else ():
         together = every[start : start + _TOGETHER]
-        over.add(np.array([ratios.at([*each, *place])[sample.used] for each in together]))
-    return over
-
-
-class _OverDraws:
-    """Answers of one output over draws of parameters, each with a draw for its sampling error."""
-
-    def __init__(
-        self,
-        sample: Sample,
-        quantity: QuantityOfInterest | None,
-        templates: Mapping[str, xr.DataArray],
-        event: BoolArray | None = None,
-    ) -> None:
-        self._sample, self._quantity, self._templates = sample, quantity, templates
-        self._event = event  # (run,): whether it occurs, for its probability in place of others
-        self._order = np.argsort(sample.values, kind="stable")
-        self._sorted = sample.values[self._order]
-        self._few = 0  # draws of which few runs count
-        self._found: dict[str, list[FloatArray]] = {name: [] for name in templates}
-        self._uniform = _spread_out(DRAWS)
-        self._next = 0
-
-    def add(self, ratios: FloatArray) -> None:
-        """Take further draws into account, their log ratios of shape (draw, run)."""
-        draws = len(ratios)
-        uniform = self._uniform[self._next : self._next + draws]
-        self._next += draws
-        if not self._sample.size:
-            return
-        largest = ratios.max(axis=1, keepdims=True)
-        weights = np.exp(ratios - np.where(np.isfinite(largest), largest, 0.0))
+        uniform = spread[start : start + len(together)]
+        logarithms = np.array([ratios.at([*each, *place])[sample.used] for each in together])
+        largest = logarithms.max(axis=1, keepdims=True)
+        weights = np.exp(logarithms - np.where(np.isfinite(largest), largest, 0.0))
         total = weights.sum(axis=1, keepdims=True)
         shares = weights / np.where(total > 0, total, 1.0)
         sizes = effective_sizes(shares)
-        self._few += int((sizes < _FEW_OF_DRAW * self._sample.size).sum())
-        for name, found in self._found.items():
+        few += int((sizes < _FEW_OF_DRAW * sample.size).sum())
+        for name, template in templates.items():
             if name == "mean":
-                found.append(self._means(shares, sizes, uniform))
+                answers = _means(sample.values, shares, sizes, uniform)
             elif name == "quantile":
-                found.append(self._quantiles(shares, uniform))
+                wanted = template[PROBABILITY].values
+                answers = _quantiles(ascending, shares[:, order], wanted, uniform)
             elif name == "cdf":
-                values = _values_at_ranks(self._sample, self._templates["cdf"])
-                places = np.searchsorted(self._sorted, values, side="right") - 1
-                found.append(np.cumsum(shares[:, self._order], axis=1)[:, places])
+                values = sample_quantile(sample, template[RANK].values)
+                places = np.searchsorted(ascending, values, side="right") - 1
+                answers = np.cumsum(shares[:, order], axis=1)[:, places]
             else:
-                found.append(self._probabilities(shares, self._events(name), uniform))
-
-    def estimate(self, name: str) -> Estimate:
-        """Return the median and the interval over the draws."""
-        found = self._found[name]
-        if not found:
-            shape = self._templates[name].shape[:-1]
-            return Estimate.without_bounds(np.full(shape, np.nan), texts.NO_RUN)
-        tail = (1 - self._sample.level) / 2
-        values = np.concatenate(found)
-        finite = np.isfinite(values).all(axis=0)
-        low, middle, high = np.quantile(values, [tail, 0.5, 1 - tail], axis=0)
-        draws, note = self._next, ""
-        if self._few:
-            note = texts.FEW_RUNS_OF_DRAWS.format(few=self._few, draws=draws)
-        method = texts.CURVES_OF_DRAWS if name == "cdf" else texts.OVER_DRAWS
-        estimate = Estimate(middle, low, high, method.format(draws=draws), "nominal")
-        missing = self._sample.missing.size
-        left_out = texts.WITHOUT_MISSING.format(runs=missing) if missing else ""
-        estimate = estimate.with_note(note, left_out, texts.FAMILY_IS_GIVEN)
-        reason = self._sample.reason_without_intervals or texts.NO_RUN_OF_DRAW
-        if self._sample.reason_without_intervals:
-            finite = np.zeros_like(finite)
-        return estimate.remove_bounds_at(~finite, reason)
-
-    def _events(self, name: str) -> BoolArray:
-        """Return whether each event of a probability occurs, shape (event, run)."""
-        values, quantity = self._sample.values, self._quantity
-        if self._event is not None:
-            rows = [self._event]
-        elif quantity is None:
-            rows = []
-        elif name == "exceedance":
-            rows = [values > each.value for each in quantity.thresholds]
-        elif name == "below":
-            rows = [values < each.value for each in quantity.lower_thresholds]
-        else:
-            rows = [values == kind for kind in range(len(quantity.output.categories))]
-        return np.array(rows, dtype=np.bool_).reshape(len(rows), len(values))
-
-    def _probabilities(
-        self, shares: FloatArray, events: BoolArray, uniform: FloatArray
-    ) -> FloatArray:
-        columns = events.T.astype(np.float64)
-        p, squares = shares @ columns, (shares**2) @ columns
-        every = (shares**2).sum(axis=1, keepdims=True)
-        return _probability_draw(p, squares, every, uniform[:, np.newaxis])
-
-    def _means(self, shares: FloatArray, sizes: FloatArray, uniform: FloatArray) -> FloatArray:
-        values = self._sample.values
-        centre = float(values.mean())
-        mean = shares @ (values - centre)
-        squares = (shares**2) @ np.stack([(values - centre) ** 2, values - centre], axis=1)
-        every = (shares**2).sum(axis=1)
-        variance = squares[:, 0] - 2 * mean * squares[:, 1] + mean**2 * every
-        freedom = np.maximum(sizes - 1, 1.0)
-        error = np.sqrt(np.maximum(variance, 0.0) * sizes / freedom)
-        return np.asarray(centre + mean + error * scipy.special.stdtrit(freedom, uniform))
-
-    def _quantiles(self, shares: FloatArray, uniform: FloatArray) -> FloatArray:
-        """Return quantiles at a probability with a draw for the error of the one that is there."""
-        wanted = np.array(self._quantity.quantiles if self._quantity else ())
-        ordered = shares[:, self._order]
-        below, squares = np.cumsum(ordered, axis=1), np.cumsum(ordered**2, axis=1)
-        middles = below - ordered / 2
-        found = np.empty((len(shares), len(wanted)))
-        for row in range(len(shares)):
-            places = np.minimum(np.searchsorted(below[row], wanted), below.shape[1] - 1)
-            p, own = below[row, places], squares[row, places]
-            at = _probability_draw(p, own, squares[row, -1], uniform[row])
-            # As far from the level as the draw lies from the share of the runs there.
-            found[row] = np.interp(wanted + (at - p), middles[row], self._sorted)
-        return found
+                columns, every_square = events[name].T.astype(np.float64), shares**2
+                answers = _probability_draw(
+                    shares @ columns,
+                    every_square @ columns,
+                    every_square.sum(axis=1, keepdims=True),
+                    uniform[:, np.newaxis],
+                )
+            found[name].append(answers)
+    note = texts.FEW_RUNS_OF_DRAWS.format(few=few, draws=len(every)) if few else ""
+    return {
+        name: _of_draws(sample, name, np.concatenate(each), note)
+        if each
+        else Estimate.without_bounds(np.full(templates[name].shape[:-1], np.nan), texts.NO_RUN)
+        for name, each in found.items()
+    }
 
 
-def _spread_out(count: int) -> FloatArray:
-    """Return numbers between 0 and 1 that are spread evenly, also those of any part in a row.
+def _of_draws(sample: Sample, name: str, values: FloatArray, note: str) -> Estimate:
+    """Return the median and the interval over the answers of all draws, along the first axis."""
+    tail = (1 - sample.level) / 2
+    low, middle, high = np.quantile(values, [tail, 0.5, 1 - tail], axis=0)
+    method = texts.CURVES_OF_DRAWS if name == "cdf" else texts.OVER_DRAWS
+    estimate = Estimate(middle, low, high, method.format(draws=len(values)), "nominal")
+    missing = sample.missing.size
+    left_out = texts.WITHOUT_MISSING.format(runs=missing) if missing else ""
+    reason = sample.reason_without_intervals
+    return estimate.with_note(note, left_out, texts.FAMILY_IS_GIVEN).remove_bounds_at(
+        ~np.isfinite(values).all(axis=0) | bool(reason), reason or texts.NO_RUN_OF_DRAW
+    )
 
-    Multiples of the golden ratio need no random stream.
-    """
-    return np.asarray((np.arange(count) + 0.5) * ((math.sqrt(5) - 1) / 2) % 1.0)
+
+def _means(
+    values: FloatArray, shares: FloatArray, sizes: FloatArray, uniform: FloatArray
+) -> FloatArray:
+    centre = float(values.mean())
+    mean = shares @ (values - centre)
+    squares = (shares**2) @ np.stack([(values - centre) ** 2, values - centre], axis=1)
+    every = (shares**2).sum(axis=1)
+    variance = squares[:, 0] - 2 * mean * squares[:, 1] + mean**2 * every
+    freedom = np.maximum(sizes - 1, 1.0)
+    error = np.sqrt(np.maximum(variance, 0.0) * sizes / freedom)
+    return np.asarray(centre + mean + error * scipy.special.stdtrit(freedom, uniform))
+
+
+def _quantiles(
+    ascending: FloatArray, shares: FloatArray, wanted: FloatArray, uniform: FloatArray
+) -> FloatArray:
+    """Return quantiles at a probability with a draw for the error of the one that is there."""
+    below, squares = np.cumsum(shares, axis=1), np.cumsum(shares**2, axis=1)
+    middles = below - shares / 2
+    found = np.empty((len(shares), len(wanted)))
+    for row in range(len(shares)):
+        places = np.minimum(np.searchsorted(below[row], wanted), below.shape[1] - 1)
+        p, own = below[row, places], squares[row, places]
+        at = _probability_draw(p, own, squares[row, -1], uniform[row])
+        # As far from the level as the draw lies from the share of the runs there.
+        found[row] = np.interp(wanted + (at - p), middles[row], ascending)
+    return found
 
 
 def _probability_draw(
@@ -461,20 +397,19 @@ def _box_estimates(
     joint: JointDistribution,
     templates: Mapping[str, xr.DataArray],
 ) -> Iterator[tuple[str, xr.DataArray, Estimate]]:
-    entries = joint.boxes
-    boxes = [each.unknown for each in entries if isinstance(each.unknown, ParameterBox)]
-    places = [*grid_of_boxes(boxes)]
-    ratios, sizes = _Ratios(runs, joint, entries), []
+    ratios, places, at = _over_boxes(runs, joint)
+    sizes: list[float] = []
     found: dict[str, list[Estimate]] = {name: [] for name in templates}
     for place in places:
-        own = _weighted(sample, ratios.at(place))
+        own = ratios.weighted(sample, place)
         sizes.append(own.effective_size)
         for name, estimates in found.items():
             if name == "cdf":
-                estimates.append(_cdf(own, _values_at_ranks(sample, templates[name])))
+                values = sample_quantile(sample, templates[name][RANK].values)
+                estimates.append(_cdf(own, values))
             else:
                 estimates.append(resolve(CATALOGUE[name].by["part"])(own, quantity))
-    at, reason = _texts_of(entries, places), _reason_without_bounds(min(sizes), sample.size)
+    reason = _reason_without_bounds(min(sizes), sample.size)
     for name, template in templates.items():
         for end, estimate in _ends(Estimate.stacked(found[name], axis=0), at, reason):
             yield f"{end}_{name}", template, estimate
@@ -482,17 +417,20 @@ def _box_estimates(
         yield from _totals(sample, runs, quantity, joint, templates)
 
 
-def _texts_of(
-    entries: Sequence[RandomInput], places: Sequence[tuple[Distribution, ...]]
-) -> list[str]:
-    """Return each place of the boxes in words."""
-    return [
+def _over_boxes(
+    runs: xr.Dataset, joint: JointDistribution
+) -> tuple[_Ratios, list[tuple[Distribution, ...]], list[str]]:
+    """Return the ratios over the boxes, the places that are looked at, and these in words."""
+    units = {each.variable.name: each.display_unit for each in joint.random}
+    places = [*grid_of_boxes([*joint.boxes.values()])]
+    in_words = [
         ", ".join(
-            f"{entry.variable.name} of {parameters_text(each, entry.display_unit)}"
-            for entry, each in zip(entries, place, strict=True)
+            f"{name} of {parameters_text(each, units[name])}"
+            for name, each in zip(joint.boxes, place, strict=True)
         )
         for place in places
     ]
+    return _Ratios(runs, joint, [*joint.boxes]), places, in_words
 
 
 def _reason_without_bounds(least: float, runs: int) -> str:
@@ -531,13 +469,11 @@ def event_bounds_over_boxes(
     samples = samples_of(
         LoadedDataset(independent), sorted(set[str]().union(*(each.outputs for each in events)))
     )
-    boxes = [each.unknown for each in joint.boxes if isinstance(each.unknown, ParameterBox)]
-    places, ratios = [*grid_of_boxes(boxes)], _Ratios(runs, joint, joint.boxes)
-    at = _texts_of(joint.boxes, places)
+    ratios, places, at = _over_boxes(runs, joint)
     found: dict[str, list[Estimate]] = {"lower": [], "upper": []}
     for event in events:
         sample, occurs = event_sample(event, samples, level)
-        weighted = [_weighted(sample, ratios.at(place)) for place in places]
+        weighted = [ratios.weighted(sample, place) for place in places]
         each = Estimate.stacked([event_probability(own, occurs) for own in weighted], axis=0)
         least = min(own.effective_size for own in weighted)
         reason = _reason_without_bounds(least, sample.size)
@@ -569,19 +505,19 @@ def _totals(
 
     They reach from the least lower limit to the largest upper one of the corners and the middle.
     """
-    boxes = [each.unknown for each in joint.boxes if isinstance(each.unknown, ParameterBox)]
+    boxes = joint.boxes.values()
     middle = tuple(
         box.at(tuple((lower + upper) / 2 for lower, upper in box.ends.values())) for box in boxes
     )
     places = [middle, *product(*(box.corners() for box in boxes))]
-    names = {name: each for name, each in templates.items() if name != "cdf"}
-    found = [_over_draws(sample, runs, quantity, joint, names, place) for place in places]
+    names, events = {**templates}, _events(sample, quantity)
+    names.pop("cdf", None)
+    found = [_over_draws(sample, runs, joint, names, events, place) for place in places]
+    method = texts.OVER_BOX.replace("{points}", str(len(places)))
     for name, template in names.items():
-        each = [over.estimate(name) for over in found]
-        ends = np.array([estimate.bounds for estimate in each])
-        total = replace(each[0], lower=ends[..., 1].min(axis=0), upper=ends[..., 2].max(axis=0))
-        method = texts.OVER_BOX.replace("{points}", str(len(places)))
-        yield f"total_{name}", template, total.with_method(method)
+        each = Estimate.stacked((over[name] for over in found), axis=0)
+        ends = {"lower": each.lower.min(axis=0), "upper": each.upper.max(axis=0)}
+        yield f"total_{name}", template, replace(each[0], **ends).with_method(method)
 
 
 def _cdf(sample: Sample, values: FloatArray) -> Estimate:
@@ -603,39 +539,25 @@ def _ends(each: Estimate, at: Sequence[str], reason: str) -> Iterator[tuple[str,
     The limit of the upper bound is the largest upper limit of all, which is at least the one where
     the true bound is. So no search needs a correction.
     """
-    known = np.asarray(each.has_bounds).all(axis=0)
-    reasons = np.asarray(each.note, dtype=object)
-    bounds = each.bounds
+    method = texts.OVER_BOX.replace("{points}", str(len(at)))
+    # Where one distribution has no interval, its limit may be the largest.
+    without = each[_places(np.argmin(each.has_bounds, axis=0))].note
     for end, place in (
-        ("lower", np.asarray(np.argmin(bounds[..., 0], axis=0))),
-        ("upper", np.asarray(np.argmax(bounds[..., 0], axis=0))),
+        ("lower", np.argmin(each.value, axis=0)),
+        ("upper", np.argmax(each.value, axis=0)),
     ):
-        value, lower, upper = (
-            np.take_along_axis(bounds[..., column], place[np.newaxis], axis=0)[0]
-            for column in range(3)
-        )
-        if end == "lower":
-            lower = bounds[..., 1].min(axis=0)
-        else:
-            upper = bounds[..., 2].max(axis=0)
-        which = texts.END_OF_BOX[end]
-        said = np.array(
-            [which.format(at=text) for text in map(at.__getitem__, place.ravel())], dtype=object
-        )
-        found = Estimate(value, lower, upper, "", "conservative")
-        own = np.take_along_axis(np.asarray(each.method, dtype=object), place[np.newaxis], axis=0)
-        method = texts.OVER_BOX.replace("{points}", str(len(at)))
-        found = replace(found, method=own[0], note=said.reshape(place.shape)).with_method(method)
-        # Where one distribution has no interval, its limit may be the largest.
-        without = np.array(
-            [
-                next((str(text) for text in column if text), texts.NO_RUN)
-                for column in np.where(each.has_bounds, "", reasons).reshape(len(at), -1).T
-            ],
-            dtype=object,
-        )
-        refused = replace(Estimate.without_bounds(value), note=without.reshape(np.shape(value)))
+        found = each[_places(place)]
+        refused = Estimate.without_bounds(found.value, reason)
         if reason:
-            yield end, Estimate.without_bounds(value, reason)
-        else:
-            yield end, found.replace_at(~known, refused)
+            yield end, refused
+            continue
+        limit = each.lower.min(axis=0) if end == "lower" else each.upper.max(axis=0)
+        said = np.array([texts.END_OF_BOX[end].format(at=text) for text in at], dtype=object)
+        found = replace(found, **{end: limit}, label="conservative", note=said[place])
+        is_unknown = ~each.has_bounds.all(axis=0)
+        yield end, found.with_method(method).replace_at(is_unknown, replace(refused, note=without))
+
+
+def _places(first: Any) -> tuple[Any, ...]:
+    """Return the index of one entry along the first axis for each place along the others."""
+    return first, *np.indices(np.shape(first))

@@ -312,10 +312,10 @@ def check_designs(table: TableReader, designs: dict[str, Design], joint: JointDi
             table.add_problem((name, "kind"), found, f"{design.unordered_reason}; {_VALID}")
         elif joint.boxes and (reason := _box_reason(design)):
             kind = toml_text(table.content[name]["kind"])
-            found = f"{kind} over {joint.boxes[0].variable.name}, whose parameters are intervals"
+            found = f"{kind} over {next(iter(joint.boxes))}, whose parameters are intervals"
             expected = f'{reason}. kind = "monte-carlo" gives bounds over the intervals'
             table.add_problem((name, "kind"), found, expected)
-        elif (count := joint.interval_parameters) > MOST_INTERVALS:
+        elif (count := sum(len(each.ends) for each in joint.boxes.values())) > MOST_INTERVALS:
             expected = f"at most {MOST_INTERVALS}: bounds are looked for on a grid over all of them"
             table.add_problem(name, f"{count} parameters that are intervals", expected)
         else:

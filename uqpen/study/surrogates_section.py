@@ -86,7 +86,7 @@ def _interval_problem(joint: JointDistribution) -> tuple[str, str]:
     if joint.intervals:
         found = f"a surrogate over {joint.intervals[0].variable.name}, which is an interval"
         return found, "inputs with a distribution; interval-bounds has a polynomial of its own"
-    found = f"a surrogate over {joint.boxes[0].variable.name}, whose parameters are intervals"
+    found = f"a surrogate over {next(iter(joint.boxes))}, whose parameters are intervals"
     return found, "inputs with one distribution each, to which its numbers belong"
 
 
