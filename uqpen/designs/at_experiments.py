@@ -34,16 +34,10 @@ class MeasuredDesign(Design):
         The measurements; a study gives them.
     """
 
+    needs_one_model = True
+
     measured: tuple[str, ...] = names()
     experiments: Experiments = field(default=Experiments(()), compare=False, repr=False)
-
-    def check_models(
-        self, models: Collection[str], costs: Mapping[str, float]
-    ) -> Iterator[Problem]:
-        if len(models) > 1:
-            found = f"a study of {len(models)} models"
-            expected = "a study of one model: its results decide where the next runs are"
-            yield Problem(("kind",), found, expected)
 
     @property
     def ends_early(self) -> bool:

@@ -118,6 +118,9 @@ class Design(ABC):
     needs_numbers: ClassVar[bool] = False
     """True if its points follow numbers that every completed run must have."""
 
+    needs_one_model: ClassVar[bool] = False
+    """True if its next points follow from the results of one model."""
+
     keep: str = RUNS
     """Part of it that an archive has: ``"runs"``, or ``"statistics"`` without them."""
 
@@ -181,7 +184,10 @@ class Design(ABC):
         costs : mapping of str to float
             Cost of a run of the first model and of each that stands for it, relative to the first.
         """
-        yield from ()
+        if self.needs_one_model and len(models) > 1:
+            found = f"a study of {len(models)} models"
+            expected = "a study of one model: its results decide where the next runs are"
+            yield Problem(("kind",), found, expected)
 
     def gives_quantile(self, output: str, probability: float) -> bool:
         """Check if its runs give a quantile of an output, or bounds of it, though no sample."""

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 
 from uqpen.core.labels import (
@@ -24,7 +22,7 @@ from uqpen.core.labels import (
     STATUS,
 )
 from uqpen.core.sampling import Sampling
-from uqpen.core.units import DIMENSIONLESS, scale
+from uqpen.distributions.measurements import value_text
 from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.probabilities import event_probability
 from uqpen.statistics.distribution_function.quantiles import quantiles_at
@@ -45,8 +43,6 @@ from uqpen.surrogates.interval_bounds import (
 # of the output's variance. It was above for a peak of 4 % of the box in every repetition, and below
 # for functions that a polynomial follows in every one.
 _MOST_UNPREDICTED = 0.05
-
-_ENDS = {"lower": LOWER, "upper": UPPER}
 
 
 def event_bounds(runs: xr.Dataset, level: float) -> dict[str, xr.DataArray]:
@@ -69,25 +65,27 @@ def event_bounds(runs: xr.Dataset, level: float) -> dict[str, xr.DataArray]:
         ``lower_probability`` and ``upper_probability`` along ``bounded_event`` and ``bound``; empty
         where the design has no events.
     """
-    quantities = bounded_in(runs.attrs)
-    events = [place for place, each in enumerate(quantities) if each.event is not None]
+    quantities = enumerate(bounded_in(runs.attrs))
+    events = {place: each for place, each in quantities if each.event is not None}
     if not events:
         return {}
-    gap = dispersion(runs)
-    names = np.array([str(quantities[place].event) for place in events], dtype=object)
+    names = np.array([str(each.event) for each in events.values()], dtype=object)
+
+    def estimate(own: xr.Dataset, bounded: BoundedQuantity) -> Estimate:
+        assert bounded.event is not None
+        sample = replace(sample_of(own, STATUS), level=level)
+        return event_probability(sample, bounded.event.outcomes(own).occurs[sample.used])
+
     return {
         f"{end}_probability": Estimate.stack(
-            [
-                _at_bound(runs, quantities[place], place, sign, gap, partial(_probability, level))
-                for place in events
-            ],
+            found,
             BOUNDED_EVENT,
             units="1",
             long_name=f"{end} bound of the probability of an event over the intervals",
             coordinates={BOUNDED_EVENT: (BOUNDED_EVENT, names, {"long_name": "event"})},
             level=level,
         )
-        for end, sign in _ENDS.items()
+        for end, found in _at_bounds(runs, events, estimate)
     }
 
 
@@ -104,12 +102,13 @@ def output_bounds(
         Along ``bound``, those of quantiles along ``probability`` before it.
     """
     output, level = quantity.output, quantity.confidence_level
-    own = [
-        (place, each)
+    own = {
+        place: each
         for place, each in enumerate(bounded_in(runs.attrs))
         if each.event is None and each.outputs == (output.name,)
-    ]
-    gap = dispersion(runs) if own else 1.0
+    }
+    if not own:
+        return
 
     def estimate(at_bound: xr.Dataset, bounded: BoundedQuantity) -> Estimate:
         sample = replace(sample_of(at_bound, output.name), level=level)
@@ -117,61 +116,65 @@ def output_bounds(
             return mean_estimate(sample, quantity)
         return quantiles_at(sample, [bounded.probability])[0]
 
-    for end, sign in _ENDS.items():
-        found = [_at_bound(runs, each, place, sign, gap, estimate) for place, each in own]
-        probabilities = [each.probability for _, each in own]
-        of_intervals = f"of {output.title} over the intervals"
-        for of_mean in (each for each, p in zip(found, probabilities, strict=True) if p is None):
-            long_name = f"{end} bound of the mean {of_intervals}"
-            array = of_mean.to_array(units=output.unit, long_name=long_name, level=level)
-            yield f"{end}_mean", array
-        if known := [p for p in probabilities if p is not None]:
+    of_intervals = f"of {output.title} over the intervals"
+    for end, found in _at_bounds(runs, own, estimate):
+        quantiles: dict[float, Estimate] = {}
+        for bounded, each in zip(own.values(), found, strict=True):
+            if bounded.probability is None:
+                long_name = f"{end} bound of the mean {of_intervals}"
+                array = each.to_array(units=output.unit, long_name=long_name, level=level)
+                yield f"{end}_mean", array
+            else:
+                quantiles[bounded.probability] = each
+        if quantiles:
             described = {"units": "1", "long_name": "probability of lying below the quantile"}
             array = Estimate.stack(
-                [each for each, p in zip(found, probabilities, strict=True) if p is not None],
+                [*quantiles.values()],
                 PROBABILITY,
                 units=output.unit,
                 long_name=f"{end} bound of quantiles {of_intervals}",
-                coordinates={PROBABILITY: (PROBABILITY, np.array(known), described)},
+                coordinates={PROBABILITY: (PROBABILITY, np.array([*quantiles]), described)},
                 level=level,
             )
             yield f"{end}_quantile", array
 
 
-def _probability(level: float, own: xr.Dataset, quantity: BoundedQuantity) -> Estimate:
-    assert quantity.event is not None
-    sample = replace(sample_of(own, STATUS), level=level)
-    return event_probability(sample, quantity.event.outcomes(own).occurs[sample.used])
-
-
-def _at_bound(
+def _at_bounds(
     runs: xr.Dataset,
-    quantity: BoundedQuantity,
-    place: int,
-    end: int,
-    gap: float,
+    quantities: Mapping[int, BoundedQuantity],
     estimate: Callable[[xr.Dataset, BoundedQuantity], Estimate],
-) -> Estimate:
-    """Return an estimate from the runs at a bound, or the reason why there is none."""
+) -> Iterator[tuple[str, list[Estimate]]]:
+    """Yield each end with the estimates from the runs at the bounds, or why there are none."""
+    gap = 100 * dispersion(runs)
     search, number = runs[BOUND_SEARCH].values, runs[BOUNDED_QUANTITY].values
-    is_last = (search == search.max()) & (search > 0) & (number == place)
-    if not is_last.any():
-        return Estimate.without_bounds(math.nan, texts.NO_POLYNOMIAL_OF_BOX)
-    deviations = output_deviations(runs, quantity.outputs)
-    # Where it fails at one end, the search does not know the function: the other is as doubtful.
-    unpredicted = _unpredicted(runs.isel({RUN: is_last}), quantity, deviations)
-    if not unpredicted <= _MOST_UNPREDICTED:
-        reason = texts.UNPREDICTED_BOUND.format(
-            share=100 * unpredicted, most=100 * _MOST_UNPREDICTED, gap=100 * gap
-        )
-        return Estimate.without_bounds(math.nan, reason)
-    own = runs.isel({RUN: is_last & (runs[BOUND_END].values == end)})
-    found = estimate(own.assign_attrs({SAMPLING: str(Sampling.INDEPENDENT)}), quantity)
-    which = "largest" if end == UPPER else "least"
-    at = ", ".join(_places(own))
-    return found.with_note(
-        texts.FOUND_BOUND.format(which=which, at=at), texts.PEAK_BETWEEN_RUNS.format(gap=100 * gap)
-    )
+    for end, (sign, which) in {"lower": (LOWER, "least"), "upper": (UPPER, "largest")}.items():
+        found = []
+        for place, quantity in quantities.items():
+            is_last = (search == search.max()) & (search > 0) & (number == place)
+            if not is_last.any():
+                found.append(Estimate.without_bounds(math.nan, texts.NO_POLYNOMIAL_OF_BOX))
+                continue
+            # Where it fails at one end, the search does not know the function: the other is as
+            # doubtful.
+            deviations = output_deviations(runs, quantity.outputs)
+            unpredicted = _unpredicted(runs.isel({RUN: is_last}), quantity, deviations)
+            if not unpredicted <= _MOST_UNPREDICTED:
+                reason = texts.UNPREDICTED_BOUND.format(
+                    share=100 * unpredicted, most=100 * _MOST_UNPREDICTED, gap=gap
+                )
+                found.append(Estimate.without_bounds(math.nan, reason))
+                continue
+            own = runs.isel({RUN: is_last & (runs[BOUND_END].values == sign)})
+            each = estimate(own.assign_attrs({SAMPLING: str(Sampling.INDEPENDENT)}), quantity)
+            # All of these runs have the same values of the intervals.
+            at = ", ".join(
+                f"{name} = {value_text(column.values[0], column.attrs['display_units'])}"
+                for name, column in own.data_vars.items()
+                if INTERVAL_ENDS in column.attrs
+            )
+            found_bound = texts.FOUND_BOUND.format(which=which, at=at)
+            found.append(each.with_note(found_bound, texts.PEAK_BETWEEN_RUNS.format(gap=gap)))
+        yield end, found
 
 
 def _unpredicted(
@@ -180,16 +183,7 @@ def _unpredicted(
     """Return the mean square that the polynomial leaves at the worse of both ends, in variances."""
     error = quantity.distances(runs, deviations) - runs[PREDICTED_DISTANCE].values
     found = []
-    for end in _ENDS.values():
+    for end in (LOWER, UPPER):
         squares = error[(runs[BOUND_END].values == end) & np.isfinite(error)] ** 2
         found.append(float(squares.mean()) if len(squares) else math.inf)
     return max(found)
-
-
-def _places(runs: xr.Dataset) -> Iterator[str]:
-    """Yield the value of each interval input, which all of these runs have."""
-    for name, variable in runs.data_vars.items():
-        if INTERVAL_ENDS in variable.attrs:
-            unit = str(variable.attrs.get("display_units", DIMENSIONLESS))
-            value: npt.NDArray[np.float64] = scale(unit).from_si(variable.values[:1])
-            yield f"{name} = {value[0]:.4g}{'' if unit == DIMENSIONLESS else f' {unit}'}"

@@ -27,7 +27,7 @@ from uqpen.core.labels import (
 from uqpen.core.lookup import choices
 from uqpen.core.processors import one_blas_thread
 from uqpen.core.sampling import Sampling
-from uqpen.core.settings import count, probability_lists, setting
+from uqpen.core.settings import Context, count, probability_lists, setting
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design, Rounds
@@ -174,7 +174,7 @@ class _Search:
     def __init__(
         self, joint: JointDistribution, runs: xr.Dataset, outputs: Collection[str], stream: Stream
     ) -> None:
-        self.joint = joint
+        self._joint = joint
         self._ends = np.array([[each.lower, each.upper] for each in joint.intervals])
         self._names = [each.variable.name for each in joint.intervals]
         self._deviations = output_deviations(runs, outputs)
@@ -183,7 +183,7 @@ class _Search:
         unit = stream.generator("draws").random((_DRAWS, len(joint.random)))
         draws = joint.ppf(joint.conditional_probabilities(unit, {}))
         self._first_draw = {name: values[:1] for name, values in draws.items()}
-        draws |= self._repeated(self.box_points(np.zeros((1, len(self._names)))), _DRAWS)
+        draws |= self._repeated(self._box_points(np.zeros((1, len(self._names)))), _DRAWS)
         of_box = np.isin(basis.names, self._names)
         used = runs[STATUS].values == Status.OK
         inputs = {name: runs[name].values[used] for name in basis.names}
@@ -205,17 +205,23 @@ class _Search:
         """Return True if each output of a quantity has a polynomial."""
         return self._polynomials.keys() >= {*quantity.outputs}
 
-    def box_points(self, unit: FloatArray) -> dict[str, FloatArray]:
+    def _box_points(self, unit: FloatArray) -> dict[str, FloatArray]:
         """Return the intervals' values at points of the unit cube, shape (point, interval)."""
         lower, upper = self._ends.T
         return dict(zip(self._names, (lower + (upper - lower) * unit).T, strict=True))
 
-    def predictions(self, quantity: BoundedQuantity, inputs: Arrays) -> FloatArray:
-        """Return the predicted distances at points, shape (run,)."""
-        predicted = {name: self._polynomials[name].values(inputs) for name in quantity.outputs}
-        return self._distances(quantity, predicted)
+    def runs_at_bound(
+        self, quantity: BoundedQuantity, end: int, size: int, stream: Stream
+    ) -> tuple[dict[str, FloatArray], FloatArray]:
+        """Return the inputs of the runs at a bound, and their predicted distances."""
+        at = self._box_points(self._optimum(quantity, end, stream)[np.newaxis])
+        unit = stream.generator("runs").random((size, len(self._joint.random)))
+        values = self._joint.ppf(self._joint.conditional_probabilities(unit, {}))
+        values |= self._repeated(at, size)
+        predicted = {name: self._polynomials[name].values(values) for name in quantity.outputs}
+        return values, self._distances(quantity, predicted)
 
-    def optimum(self, quantity: BoundedQuantity, end: int, stream: Stream) -> FloatArray:
+    def _optimum(self, quantity: BoundedQuantity, end: int, stream: Stream) -> FloatArray:
         """Return the point of the unit cube where a quantity is least or largest.
 
         The best of many points are improved step by step: along each axis and at random around.
@@ -244,7 +250,7 @@ class _Search:
     def _values(self, quantity: BoundedQuantity, end: int, unit: FloatArray) -> FloatArray:
         """Return what is largest at a bound, at points of the unit cube, shape (point,)."""
         # Polynomials of degree 0 do not depend on their inputs, so any values of the others do.
-        box = self.box_points(unit) | self._repeated(self._first_draw, len(unit))
+        box = self._box_points(unit) | self._repeated(self._first_draw, len(unit))
         predicted = {
             name: self._polynomials[name].values_of_draws(box).ravel() for name in quantity.outputs
         }
@@ -269,18 +275,14 @@ class _Search:
 # The design.
 
 
-def _is_texts(value: object) -> bool:
-    return isinstance(value, tuple) and all(isinstance(each, str) for each in value)
-
-
 def _texts(name: str, expected: str) -> Any:
-    return setting(
-        name,
-        expected,
-        _is_texts,
-        lambda written, _: tuple(written) if isinstance(written, list) else written,
-        default=(),
-    )
+    def are_texts(value: object) -> bool:
+        return isinstance(value, tuple) and all(isinstance(each, str) for each in value)
+
+    def read(written: Any, _: Context) -> Any:
+        return tuple(written) if isinstance(written, list) else written
+
+    return setting(name, expected, are_texts, read, default=())
 
 
 @dataclass(frozen=True)
@@ -311,6 +313,7 @@ class IntervalBounds(Design):
 
     sampling = Sampling.TOWARDS_BOUNDS
     needs_numbers = True
+    needs_one_model = True
     takes_intervals = True
 
     events: tuple[str, ...] = _texts("events", 'events in a list, such as ["depth > 3 m"]')
@@ -372,14 +375,6 @@ class IntervalBounds(Design):
                 expected = f"an output that is a number; {choices(output, known)}"
                 yield Problem((key, place), toml_text(output), expected)
 
-    def check_models(
-        self, models: Collection[str], costs: Mapping[str, float]
-    ) -> Iterator[Problem]:
-        if len(models) > 1:
-            found = f"a study of {len(models)} models"
-            expected = "a study of one model: its results decide where the next runs are"
-            yield Problem(("kind",), found, expected)
-
     def remarks(self, joint: JointDistribution) -> Iterator[str]:
         quantiles = ((each, p) for each, of_output in self.quantiles.items() for p in of_output)
         wanted = [
@@ -421,61 +416,35 @@ class IntervalBounds(Design):
         quantities = bounded_in(self._described)
         outputs = sorted({name for each in quantities for name in each.outputs})
         box = joint.over_box()
-        rng = stream.generator("pilot")
-        unit = hypercube(rng, self.pilot, len(box.random))
-        unit = box.conditional_probabilities(unit, {})
-        first = _labels(self.pilot, 0, -1, 0, np.full(self.pilot, np.nan))
-        points = points_dataset(joint, box.ppf(unit), first, runs=self.pilot)
+        unit = hypercube(stream.generator("pilot"), self.pilot, len(box.random))
+        values = box.ppf(box.conditional_probabilities(unit, {}))
+        labels = _labels(self.pilot, 0, -1, 0, np.full(self.pilot, np.nan))
+        names = [*(each.variable.name for each in box.random), *outputs, STATUS, BOUND_SEARCH]
         made = []
-        feedback = yield points.assign_attrs(self._described)
-        for number, size in enumerate(self._sizes, 1):
-            runs = next(iter(feedback.runs.values()))
-            names = [*(each.variable.name for each in box.random), *outputs, STATUS, BOUND_SEARCH]
-            made.append(runs[names])
+        for number, size in enumerate([*self._sizes, 0], 1):
+            points = points_dataset(joint, values, labels, runs=len(labels[BOUND_END]))
+            feedback = yield points.assign_attrs(self._described)
+            if not size:
+                return
+            made.append(next(iter(feedback.runs.values()))[names])
             with one_blas_thread():
                 own = stream.child("search", number)
                 search = _Search(joint, xr.concat(made, RUN), outputs, own)
-                parts = [
-                    self._at_bound(search, quantity, place, end, size, number, stream)
-                    for place, quantity in enumerate(quantities)
-                    for end in (LOWER, UPPER)
-                    if search.can_answer(quantity)
-                ]
+                parts = []
+                for (place, quantity), end in product(enumerate(quantities), (LOWER, UPPER)):
+                    if search.can_answer(quantity):
+                        of_bound = stream.child("bound", number, place, end)
+                        drawn, predicted = search.runs_at_bound(quantity, end, size, of_bound)
+                        parts.append((drawn, _labels(size, number, place, end, predicted)))
             if not parts:
                 return
-            values = _joined([each for each, _ in parts])
-            labels = _joined([each for _, each in parts])
-            runs_of_all = len(labels[BOUND_END])
-            points = points_dataset(joint, values, labels, runs=runs_of_all)
-            feedback = yield points.assign_attrs(self._described)
-
-    @staticmethod
-    def _at_bound(
-        search: _Search,
-        quantity: BoundedQuantity,
-        place: int,
-        end: int,
-        size: int,
-        number: int,
-        stream: Stream,
-    ) -> tuple[dict[str, FloatArray], dict[str, Any]]:
-        """Return the inputs and the labels of the runs at a bound that a search finds."""
-        own = stream.child("bound", number, place, end)
-        at = search.box_points(search.optimum(quantity, end, own)[np.newaxis])
-        joint = search.joint
-        unit = own.generator("runs").random((size, len(joint.random)))
-        values = joint.ppf(joint.conditional_probabilities(unit, {}))
-        values |= {name: np.repeat(each, size) for name, each in at.items()}
-        predicted = search.predictions(quantity, values)
-        return values, _labels(size, number, place, end, predicted)
+            values, labels = (
+                {name: np.concatenate([each[name] for each in of_all]) for name in of_all[0]}
+                for of_all in zip(*parts, strict=True)
+            )
 
 
 def _labels(size: int, search: int, place: int, end: int, predicted: FloatArray) -> dict[str, Any]:
     whole = {BOUND_SEARCH: search, BOUNDED_QUANTITY: place, BOUND_END: end}
-    return {key: np.full(size, each) for key, each in whole.items()} | {
-        PREDICTED_DISTANCE: predicted
-    }
-
-
-def _joined(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    return {name: np.concatenate([each[name] for each in parts]) for name in parts[0]}
+    labels = {key: np.full(size, each) for key, each in whole.items()}
+    return labels | {PREDICTED_DISTANCE: predicted}

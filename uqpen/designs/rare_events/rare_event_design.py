@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -105,6 +105,7 @@ class RareEventDesign(Design):
     """Design whose runs lead to a rare event, each round from the results of the last."""
 
     sampling = Sampling.TOWARDS_EVENT
+    needs_one_model = True
 
     # The event: ``"depth > 3 m"``, or limits joined by ``and``, or by ``or``.
     event: str = limit_state()
@@ -142,14 +143,6 @@ class RareEventDesign(Design):
     def check_outputs(self, requested: Sequence[RequestedOutput]) -> Iterator[Problem]:
         for problem in parse_limit_state(self.event).check_outputs(requested):
             yield problem.within("event")
-
-    def check_models(
-        self, models: Collection[str], costs: Mapping[str, float]
-    ) -> Iterator[Problem]:
-        if len(models) > 1:
-            found = f"a study of {len(models)} models"
-            expected = "a study of one model: its results decide where the next runs are"
-            yield Problem(("kind",), found, expected)
 
     def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
         event, streams = parse_limit_state(self.event), [stream]
