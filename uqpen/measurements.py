@@ -152,6 +152,10 @@ def _outer(values: FloatArray) -> FloatArray:
     return products
 
 
+# A size that is integrated over goes from the one to the other, by the scale of its prior; a step
+# of its logarithm is this part of the standard deviation that as many rows leave.
+_SMALLEST_SIZE, _LARGEST_SIZE, _SIZE_STEP = 1e-6, 1e3, 0.25
+
 # What was measured.
 
 AT_LEAST, EXACTLY, AT_MOST = 1, 0, -1
@@ -203,6 +207,47 @@ class MeasuredOutput:
             # A place with the weight 0 may be behind the end of a curve.
             total += np.where(weight == 0, 0.0, entries * weight)
         return total
+
+    def size_densities(self, predicted: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return sizes of the errors, and how likely they are with results.
+
+        Parameters
+        ----------
+        predicted : ndarray, shape (draw, row)
+
+        Returns
+        -------
+        sizes : ndarray, shape (size,)
+            Evenly spread by their logarithms.
+        log_density : ndarray, shape (draw, size)
+            Logarithm of the part of each size in the likelihood, over the likelihood at the scale
+            of the prior.
+        """
+        errors, rows = self.errors, len(self.values)
+        assert errors.size is not None
+        step = _SIZE_STEP / math.sqrt(2 * rows)
+        logarithms = np.arange(math.log(_SMALLEST_SIZE), math.log(_LARGEST_SIZE), step)
+        squares = np.exp(2 * logarithms)
+        prior = logarithms - squares / 2 + math.log(step * math.sqrt(2 / math.pi))
+        of = predicted if errors.depends_on_model else predicted[:1]
+        own = errors.size.scale**2 * self.correlation
+        whole = errors.covariance(of, np.zeros((1, len(of))), self.correlation) + own
+        # In the axes of the part of unknown size in the whole, both are diagonal.
+        inverse = np.linalg.inv(np.linalg.cholesky(whole))
+        parts, axes = np.linalg.eigh(inverse @ own @ inverse.swapaxes(-2, -1))
+        turned = axes.swapaxes(-2, -1) @ inverse
+        turned = np.broadcast_to(turned, (len(predicted), rows, rows))
+        off = np.einsum("drs,ds->dr", turned, predicted - self.values, optimize=False) ** 2
+        found = np.empty((len(predicted), len(squares)))
+        at_once = max(1, _MOST_ENTRIES // (rows * len(squares)))
+        for first in range(0, len(predicted), at_once):
+            part = slice(first, first + at_once)
+            own_parts = parts[part if len(parts) > 1 else slice(1)][..., np.newaxis]
+            variance = 1 - own_parts + own_parts * squares
+            excess = np.broadcast_to(1 / variance - 1, (len(off[part]), *variance.shape[1:]))
+            sums = np.einsum("dr,drs->ds", off[part], excess, optimize=False)
+            found[part] = prior - 0.5 * (np.log(variance).sum(axis=1) + sums)
+        return errors.size.scale * np.exp(logarithms), found
 
     @cached_property
     def correlation(self) -> FloatArray:
@@ -339,6 +384,49 @@ class Experiments:
     def sizes(self) -> tuple[UnknownSize, ...]:
         """Numbers of the errors that are not known, in the order of the outputs."""
         return tuple(size for _, each in self.outputs for size in each.errors.sizes)
+
+    @cached_property
+    def integrated(self) -> dict[int, tuple[MeasuredOutput, slice]]:
+        """Sizes that the likelihood is integrated over, by number: an output each, and its rows.
+
+        They are those of all errors of an output beside known parts.
+        """
+        found, number = {}, 0
+        for each, own in self.rows:
+            errors, is_exact = each.errors, (each.censoring == EXACTLY).all()
+            if errors.size is not None and errors.discrepancy is None and is_exact:
+                found[number] = each, own
+            number += len(errors.sizes)
+        return found if self.unknown else {}
+
+    def integrated_sizes(
+        self, predicted: FloatArray, sizes: FloatArray, shares: FloatArray
+    ) -> FloatArray:
+        """Return sizes, where they are NaN those below which they are with some probabilities.
+
+        Parameters
+        ----------
+        predicted : ndarray, shape (draw, row)
+            NaN where a run failed.
+        sizes, shares : ndarray, shape (draw, size)
+        """
+        found, completed = sizes.copy(), np.isfinite(predicted).all(axis=1)
+        for number, (each, own) in self.integrated.items():
+            drawn = completed & np.isnan(sizes[:, number])
+            if not drawn.any():
+                continue
+            nodes, densities = each.size_densities(predicted[drawn][:, own])
+            density = np.exp(densities - densities.max(axis=1, keepdims=True))
+            below = np.cumsum((density[:, 1:] + density[:, :-1]) / 2, axis=1)
+            wanted = shares[drawn, number, np.newaxis] * below[:, -1:]
+            at = np.argmax(below >= wanted, axis=1)[:, np.newaxis]
+            upper = np.take_along_axis(below, at, axis=1)
+            inside = 1 - (upper - wanted) / np.take_along_axis(
+                np.diff(below, prepend=0.0), at, axis=1
+            )
+            ratio = nodes[1] / nodes[0]
+            found[drawn, number] = (nodes[at] * ratio**inside)[:, 0]
+        return found
 
     @property
     def has_discrepancy(self) -> bool:
@@ -634,11 +722,21 @@ class Experiments:
         predicted : ndarray, shape (draw, row)
             NaN where a run failed.
         sizes : ndarray, shape (draw, size), optional
-            Values of `sizes`.
+            Values of `sizes`. One that is `integrated` may be NaN in all draws: then the
+            likelihood is its mean over the prior of this one.
         added : ndarray, shape (draw, row, row), optional
             Covariance that each draw has beside that of the errors.
         """
         found = np.full(len(predicted), np.nan)
+        if sizes is not None and np.isnan(sizes).any():
+            scales = np.array([each.scale for each in self.sizes])
+            found = self.log_likelihood(predicted, np.where(np.isnan(sizes), scales, sizes), added)
+            completed = np.isfinite(found)
+            for number, (each, own) in self.integrated.items():
+                if np.isnan(sizes[:, number]).all() and completed.any():
+                    _, densities = each.size_densities(predicted[completed][:, own])
+                    found[completed] += scipy.special.logsumexp(densities, axis=1)
+            return found
         drawn = np.zeros((len(predicted), 0)) if sizes is None else sizes
         completed = np.flatnonzero(np.isfinite(predicted).all(axis=1))
         depends = any(each.errors.depends_on_model for _, each in self.outputs) or drawn.size

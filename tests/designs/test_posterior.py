@@ -338,7 +338,57 @@ def test_sizes_of_errors_are_drawn_beside_the_inputs(tmp_path):
     assert sizes.min() > 0
     exact = stats.halfnorm.logpdf(sizes, scale=0.5)
     assert kept["log_prior/std of y"].values == pytest.approx(exact, rel=1e-12)
-    assert "error_std_1" in tree["runs/fit"].coords
+    # No run is spent on them alone: the likelihood is integrated over them.
+    runs = tree["runs/fit"]
+    assert "error_share_1" in runs.coords
+    assert runs.sizes["run"] < 30_000
+
+
+def exactly_measured(errors):
+    """Return five values of a number, with some errors."""
+    values, rows = np.array([4.1, 5.0, 3.7, 4.6, 5.3]), np.arange(5)
+    made = MeasuredOutput(Output("y", "1"), rows, {}, values, rows * 0, rows + 1, errors)
+    return Experiments((MeasuredOutputs("m", ("theta",), (), (), {}, {}, (made,), 5),))
+
+
+def test_a_size_that_is_integrated_over_has_its_exact_posterior():
+    size = UnknownSize("std", 1.0, "1", "y")
+    measured = exactly_measured(MeasurementErrors(np.zeros(5), np.zeros(5), size))
+    theta = np.linspace(0.0, 9.0, 1001)
+    predicted, none = np.repeat(theta[:, np.newaxis], 5, axis=1), np.full((1001, 1), np.nan)
+    likelihood = np.exp(measured.log_likelihood(predicted, none))
+    weights = likelihood * stats.norm.pdf(theta, 0, 10) * (theta[1] - theta[0])
+    evidence = weights.sum()
+    assert math.log(evidence) == pytest.approx(-9.06203033, abs=1e-6)
+    mean = weights @ theta / evidence
+    assert mean == pytest.approx(4.53334277, abs=1e-6)
+    assert math.sqrt(weights @ (theta - mean) ** 2 / evidence) == pytest.approx(0.38297, abs=1e-5)
+    shares = (np.arange(50) + 0.5) / 50
+    sizes = np.stack(
+        [measured.integrated_sizes(predicted, none, np.full(none.shape, p)) for p in shares]
+    )
+    mean = weights @ sizes.mean(axis=0)[:, 0] / evidence
+    # A step between sizes and one between shares leave 0.003 of the standard deviation.
+    assert mean == pytest.approx(0.80163810, abs=0.001)
+    square = weights @ (sizes**2).mean(axis=0)[:, 0] / evidence
+    assert math.sqrt(square - mean**2) == pytest.approx(0.30406205, rel=0.02)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.05])
+def test_the_integral_over_a_size_beside_other_errors_is_that_of_the_likelihood(share):
+    nothing, group = np.zeros(5), np.array([0, 0, 0, 1, 1])
+    size = UnknownSize("std", 1.0, "1", "y")
+    errors = MeasurementErrors(nothing + 0.2, nothing + share, size, nothing + 0.4, nothing, group)
+    measured = exactly_measured(errors)
+    predicted = np.array([[4.0, 4.5, 4.2, 4.1, 5.0], [np.nan] * 5, [4.5, 4.4, 4.3, 4.2, 4.1]])
+    found = measured.log_likelihood(predicted, np.full((3, 1), np.nan))
+    assert np.isnan(found).tolist() == [False, True, False]
+    sizes = np.geomspace(1e-8, 10, 4001)
+    for draw in (0, 2):
+        along = np.repeat(predicted[draw : draw + 1], len(sizes), axis=0)
+        of_sizes = np.exp(measured.log_likelihood(along, sizes[:, np.newaxis]))
+        exact = np.trapezoid(of_sizes * stats.halfnorm.pdf(sizes), sizes)
+        assert found[draw] == pytest.approx(math.log(exact), abs=1e-5)
 
 
 @pytest.mark.parametrize(

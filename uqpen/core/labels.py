@@ -87,6 +87,9 @@ LIKELIHOOD_EXPONENT = "likelihood_exponent"
 PARENT_DRAW = "parent_draw"
 LEAST_LOG_LIKELIHOOD = "least_log_likelihood"
 ERROR_STD = "error_std_{number}"
+# In its place, where a size is integrated over: the share of its conditional distribution that is
+# below the size of a draw.
+ERROR_SHARE = "error_share_{number}"
 # Of a posterior by a surrogate: the round of a draw (0 of the prior, -1 of the result), the
 # logarithm of its likelihood by the surrogate that it was drawn by, and the factor that z scores
 # gave the variance of that.

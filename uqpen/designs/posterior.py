@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Generator, Iterator, Mapping
+from collections.abc import Collection, Generator, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -17,6 +17,7 @@ from uqpen.core.errors import Problem
 from uqpen.core.labels import (
     DISCREPANCY,
     DRAW,
+    ERROR_SHARE,
     ERROR_STD,
     EXPERIMENT,
     LEAST_LOG_LIKELIHOOD,
@@ -35,7 +36,7 @@ from uqpen.designs.at_experiments import LimitedMeasuredDesign
 from uqpen.designs.design import NO_STEP_BETWEEN_LABELS, Rounds
 from uqpen.designs.quasi_monte_carlo import sobol_points
 from uqpen.distributions.joint_distribution import JointDistribution, points_dataset
-from uqpen.measurements import Experiments
+from uqpen.measurements import Experiments, UnknownSize
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -376,11 +377,18 @@ class PriorCoordinates:
 
     joint: JointDistribution
     measured: Experiments
+    integrated: Collection[int] = ()  # numbers of sizes that have no coordinate
+
+    @property
+    def sizes(self) -> dict[int, UnknownSize]:
+        """Sizes that have a coordinate, by their numbers."""
+        every = enumerate(self.measured.sizes)
+        return {number: size for number, size in every if number not in self.integrated}
 
     @property
     def unknowns(self) -> tuple[str, ...]:
         """Names of the unknown inputs and standard deviations, which have the first coordinates."""
-        return (*self.measured.unknown, *(each.name for each in self.measured.sizes))
+        return (*self.measured.unknown, *(each.name for each in self.sizes.values()))
 
     @property
     def dimension(self) -> int:
@@ -392,13 +400,14 @@ class PriorCoordinates:
         return len(self.unknowns) + sum(of_each)
 
     def error_stds(self, points: FloatArray) -> FloatArray:
-        """Return the standard deviations of measurements that are not known, shape (draw, size)."""
-        first = len(self.measured.unknown)
-        found = [
-            half_normal(points[:, first + number], size.scale)
-            for number, size in enumerate(self.measured.sizes)
-        ]
-        return np.stack(found, axis=1) if found else np.empty((len(points), 0))
+        """Return the standard deviations of measurements that have a coordinate.
+
+        Their shape is (draw, size), with NaN for those that have none.
+        """
+        found = np.full((len(points), len(self.measured.sizes)), np.nan)
+        for at, (number, size) in enumerate(self.sizes.items(), len(self.measured.unknown)):
+            found[:, number] = half_normal(points[:, at], size.scale)
+        return found
 
     def inputs(self, points: FloatArray) -> dict[str, FloatArray]:
         """Return the random inputs and conditions of all runs, shape (draw * experiment,)."""
@@ -450,7 +459,7 @@ class PriorCoordinates:
         columns = {
             DRAW: np.arange(first, first + size),
             **of_draws,
-            **{ERROR_STD.format(number=k + 1): each for k, each in enumerate(stds.T)},
+            **{ERROR_STD.format(number=k + 1): stds[:, k] for k in self.sizes},
         }
         coordinates = {
             **{name: np.repeat(column, measured.count) for name, column in columns.items()},
@@ -498,7 +507,7 @@ class Posterior(LimitedMeasuredDesign):
     def check_inputs(self, joint: JointDistribution) -> Iterator[Problem]:
         if not self.experiments.count:
             return  # the mistake of its measurements is noted
-        prior = PriorCoordinates(joint, self.experiments)
+        prior = self._coordinates(joint, self.experiments)
         dimension = prior.dimension
         if not prior.unknowns:
             expected = "measurements with an unknown input, or with errors of unknown size"
@@ -519,13 +528,23 @@ class Posterior(LimitedMeasuredDesign):
     def replicate_count(self) -> int:
         return self.replicates
 
+    def _coordinates(self, joint: JointDistribution, measured: Experiments) -> PriorCoordinates:
+        return PriorCoordinates(joint, measured, self.experiments.integrated)
+
+    def _shares(self, draws: int, stream: Stream) -> dict[str, FloatArray]:
+        """Return where in its conditional distribution each integrated size of a draw is."""
+        return {
+            ERROR_SHARE.format(number=number + 1): stream.generator(number).random(draws)
+            for number in self.experiments.integrated
+        }
+
     @property
     def _of_blank_rows(self) -> int:
         """Largest number of runs at blank rows."""
         return self.particles * self.replicates * self.experiments.blank.count
 
     def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
-        measured, prior = self.experiments, PriorCoordinates(joint, self.experiments)
+        measured, prior = self.experiments, self._coordinates(joint, self.experiments)
         at_most = (self.at_most - self._of_blank_rows) // measured.count
         sampler = sample_posterior(
             prior.dimension, self.particles, self.replicates, at_most, stream
@@ -538,6 +557,7 @@ class Posterior(LimitedMeasuredDesign):
                 LIKELIHOOD_EXPONENT: asked.exponent,
                 PARENT_DRAW: asked.parent,
                 LEAST_LOG_LIKELIHOOD: asked.least,
+                **self._shares(len(asked.points), stream.child("sizes", first)),
             }
             feedback = yield prior.runs(asked.points, first, of_draws)
             first += len(asked.points)
@@ -566,7 +586,7 @@ class Posterior(LimitedMeasuredDesign):
         if len(drawn) < self.replicates:
             return
         draws, blank = np.unique(np.concatenate(drawn)), self.experiments.blank
-        beyond, known = PriorCoordinates(prior.joint, blank), len(prior.unknowns)
+        beyond, known = self._coordinates(prior.joint, blank), len(prior.unknowns)
         shape = len(draws), beyond.dimension - known
         normal = stream.generator("blank rows").standard_normal(shape)
         points = np.hstack([sampled.points[draws, :known], normal])
@@ -575,6 +595,7 @@ class Posterior(LimitedMeasuredDesign):
             LIKELIHOOD_EXPONENT: np.ones(len(draws)),
             PARENT_DRAW: draws,
             LEAST_LOG_LIKELIHOOD: np.full(len(draws), -math.inf),
+            **self._shares(len(draws), stream.child("sizes", "blank rows")),
         }
         runs = beyond.runs(points, len(sampled.points), of_draws)
         # They are experiments behind those with measurements.
@@ -590,12 +611,26 @@ def split_runs(measured: Experiments, runs: xr.Dataset) -> tuple[xr.Dataset, xr.
 
 def log_likelihoods(measured: Experiments, runs: xr.Dataset) -> FloatArray:
     """Return the logarithm of the likelihood of each draw; NaN where a run failed."""
-    return measured.log_likelihood(measured.predicted(runs), error_stds(measured, runs))
+    return measured.log_likelihood(measured.predicted(runs), _of_sizes(measured, runs, ERROR_STD))
 
 
-def error_stds(measured: Experiments, runs: xr.Dataset) -> FloatArray:
-    """Return the standard deviations of measurements of each draw, shape (draw, size)."""
-    names = [ERROR_STD.format(number=number + 1) for number in range(len(measured.sizes))]
-    columns = [runs[name].values[:: measured.count] for name in names]
-    none = np.empty((runs.sizes[RUN] // measured.count, 0))
-    return np.stack(columns, axis=1) if columns else none
+def error_stds(measured: Experiments, runs: xr.Dataset, *, of_prior: bool = False) -> FloatArray:
+    """Return the standard deviations of measurements of each draw, shape (draw, size).
+
+    Those that the likelihood is integrated over are draws of their distribution with the results
+    of a run, NaN where it failed; or of their prior.
+    """
+    stds, shares = (_of_sizes(measured, runs, each) for each in (ERROR_STD, ERROR_SHARE))
+    if of_prior:
+        scales = np.array([each.scale for each in measured.sizes])
+        return np.where(np.isnan(stds), half_normal(ndtri(shares), 1.0) * scales, stds)
+    return measured.integrated_sizes(measured.predicted(runs), stds, shares)
+
+
+def _of_sizes(measured: Experiments, runs: xr.Dataset, label: str) -> FloatArray:
+    """Return a column for each size, shape (draw, size); NaN where there is none."""
+    found = np.full((runs.sizes[RUN] // measured.count, len(measured.sizes)), np.nan)
+    for number in range(len(measured.sizes)):
+        if (name := label.format(number=number + 1)) in runs:
+            found[:, number] = runs[name].values[:: measured.count]
+    return found

@@ -63,6 +63,7 @@ class PosteriorSample:
     log_likelihood: FloatArray  # (run,): NaN where a run failed
     replicates: tuple[Replicate, ...]
     level: float = LEVEL  # confidence level
+    prior_values: FloatArray | None = None  # (run, unknown): those of draws of the prior, if others
 
     @classmethod
     def of(
@@ -72,6 +73,7 @@ class PosteriorSample:
         sampled: PosteriorPoints,
         log_likelihood: FloatArray,
         level: float = LEVEL,
+        prior_values: FloatArray | None = None,
     ) -> PosteriorSample | str:
         """Return the sample in the runs of a design, or the reason why it has none."""
         numbers = np.unique(sampled.replicate).tolist()
@@ -79,7 +81,8 @@ class PosteriorSample:
         replicates = tuple(each for each in found if each is not None)
         is_moved = len(replicates) == len(found)
         if is_moved and min(each.exponent for each in replicates) == 1:
-            return cls(tuple(names), values, sampled, log_likelihood, replicates, level)
+            beside = (replicates, level, prior_values)
+            return cls(tuple(names), values, sampled, log_likelihood, *beside)
         completed = float(np.isfinite(log_likelihood[sampled.exponent == 0]).mean())
         if not is_moved:
             return texts.FEW_PRIOR_RUNS.format(share=completed)
@@ -99,7 +102,8 @@ class PosteriorSample:
     @property
     def prior_std(self) -> FloatArray:
         """Standard deviations of the unknowns over the draws of the prior."""
-        spread: FloatArray = self.values[self.sampled.exponent == 0].std(axis=0, ddof=1)
+        values = self.values if self.prior_values is None else self.prior_values
+        spread: FloatArray = values[self.sampled.exponent == 0].std(axis=0, ddof=1)
         return spread
 
     @property
@@ -241,14 +245,17 @@ def posterior_sample(
     coordinates = (runs[name].values[:: measured.count] for name in columns)
     sampled = PosteriorPoints(values, *coordinates)
     found = log_likelihoods(measured, runs)
-    return PosteriorSample.of(names, values, sampled, found, level)
+    _, of_prior = unknown_values(measured, runs, of_prior=True)
+    return PosteriorSample.of(names, values, sampled, found, level, of_prior)
 
 
-def unknown_values(measured: Experiments, runs: xr.Dataset) -> tuple[tuple[str, ...], FloatArray]:
+def unknown_values(
+    measured: Experiments, runs: xr.Dataset, *, of_prior: bool = False
+) -> tuple[tuple[str, ...], FloatArray]:
     """Return names of the unknowns, and their values in all draws, shape (draw, unknown)."""
     names = (*measured.unknown, *(each.name for each in measured.sizes))
     inputs = [measured.drawn(runs, name) for name in measured.unknown]
-    return names, np.column_stack([*inputs, error_stds(measured, runs)])
+    return names, np.column_stack([*inputs, error_stds(measured, runs, of_prior=of_prior)])
 
 
 def posterior_statistics(
@@ -480,9 +487,11 @@ def arviz_groups(
     stream : Stream
         Source of the errors that predictions have.
     """
-    _, values = unknown_values(measured, runs)
-    predicted, stds = measured.predicted(runs), error_stds(measured, runs)
+    predicted = measured.predicted(runs)
     for group, numbers in draws.items():
+        is_prior = group == "prior"
+        _, values = unknown_values(measured, runs, of_prior=is_prior)
+        stds = error_stds(measured, runs, of_prior=is_prior)
         yield group, unknowns_dataset(measured, runs, values[numbers])
         rng = stream.generator(group)
         drawn = predicted[numbers]
@@ -506,7 +515,7 @@ def arviz_groups(
         yield f"{group}_predictive", _rows_dataset(measured, drawn, CHAINS)
         if group == "posterior" and (measured.censoring == EXACTLY).all():
             yield "log_likelihood", _rows_dataset(measured, left_out, CHAINS)
-    numbers = draws["posterior"]
+    numbers, (_, values) = draws["posterior"], unknown_values(measured, runs)
     densities = _log_prior(joint, measured, values[numbers])
     if densities is not None:
         yield "log_prior", unknowns_dataset(measured, runs, densities, unit=DIMENSIONLESS)
