@@ -162,6 +162,15 @@ def test_the_archive_has_the_same_bytes_as_from_memory(folder):
     assert make(folder, limit=10**6, fresh=True) == by_blocks
 
 
+def test_runs_are_read_from_the_archive_as_their_own_files_are_removed(folder):
+    small = '[designs.few]\nkind = "monte-carlo"\nruns = 20\n'
+    study = uqpen.parse_study(STUDY + small, folder=folder)
+    made = make_archive(study, folder / "study.nc", ResumeOptions(reuse=None), runs_in_memory=LIMIT)
+    read = uqpen.open_archive(folder / "study.nc")
+    for name in ("one", "few"):
+        np.testing.assert_array_equal(made[f"runs/{name}/z"], read[f"runs/{name}/z"])
+
+
 @pytest.mark.parametrize("workers", [1, 2])
 def test_runs_are_those_in_memory(folder, expected, workers):
     with processes(workers) as pool:

@@ -126,6 +126,16 @@ def test_a_constant_column_may_be_far_larger_than_its_file(tmp_path):
         check_netcdf(path.read_bytes(), ARCHIVE_LIMITS)
 
 
+@pytest.mark.parametrize("name", ["h5py_track_order", "h5py_latest"])
+def test_a_variable_takes_the_memory_of_its_values_and_of_one_chunk(name, tmp_path):
+    """Of 20 values and of 7; the two files describe their chunks in different forms."""
+    content = stored(tmp_path, f"netcdf/{name}").read_bytes()
+    for memory, first in ((8 * 27 - 1, "/a"), (8 * 27, "/b")):
+        limits = replace(DATA_LIMITS, memory=memory, memory_ratio=0)
+        with pytest.raises(RefusedContentError, match=f"with its variable {first} it takes over"):
+            check_netcdf(content, limits)
+
+
 class TestWhatIsNoFile:
     def refused(self, path):
         with pytest.raises(TableError, match=f'"{path}" is not a file'):

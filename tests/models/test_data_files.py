@@ -69,6 +69,8 @@ def test_a_collation_of_easyvvuq_is_read_without_its_numbering():
     assert first == pytest.approx(F * L / moment, rel=1e-14)
     assert np.array_equal(second, F)
     assert file.columns[0].place(0) == "easyvvuq.csv, line 3"
+    without_places = file_of("run_id,iteration,F\n1,0,3.5\n2,0,4.5\n")
+    assert [column.numbers().tolist() for column in without_places.columns] == [[3.5, 4.5]]
 
 
 def test_a_tabular_file_of_dakota_is_read_without_its_numbering():

@@ -16,6 +16,7 @@ if load > 130:
     print("COLUMN UNSTABLE at step 3")
     os.kill(os.getpid(), signal.SIGKILL) if load > 138 else sys.exit(7)
 if load < 70:
+    os.remove("stdout")
     sys.exit(3)
 print("{\\"stress\\": %s}" % ("NaN" if 90 < load < 95 else 2 * load))
 """
@@ -55,7 +56,8 @@ def column(tmp_path):
 def test_a_run_that_ends_so_is_completed_without_numbers(ending, column):
     table = f"[model.outcomes]\nother = {{ exit = 9 }}\nunstable = {{ {ending} }}"
     runs = uqpen.run(column(table))["runs/table"].to_dataset()
-    # Failed, completed, not finite, completed, twice unstable; a signal is never an outcome.
+    # Failed without stdout, completed, not finite, completed, twice unstable; a signal is never an
+    # outcome.
     assert runs["status"].values.tolist() == [2, 0, 3, 0, 0, 0, 5]
     assert runs["outcome"].values.tolist() == [-1, 0, -1, 0, 2, 2, -1]
     stress = np.array([np.nan, 160e6, np.nan, 200e6, np.nan, np.nan, np.nan])

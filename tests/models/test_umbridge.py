@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -287,6 +288,24 @@ class TestLostRuns:
         np.testing.assert_array_equal(made["status"].values[:first], Status.OK)
         np.testing.assert_array_equal(made["status"].values[first:], Status.FAILED)
         assert set(made["lost_reason"].values) == {LOST}
+
+    @pytest.mark.parametrize(("seconds", "tries"), [(0.1, 2), (5.0, 1)])
+    def test_a_host_that_does_not_even_refuse_keeps_only_one_run_waiting(
+        self, seconds, tries, monkeypatch
+    ):
+        clock = [0.0]
+
+        def connect(connection):
+            clock.append(clock[-1] + seconds)
+            raise TimeoutError
+
+        monkeypatch.setattr("http.client.HTTPConnection.connect", connect)
+        monkeypatch.setattr(umbridge, "time", SimpleNamespace(monotonic=lambda: clock[-1]))
+        client = umbridge.UmbridgeClient(umbridge.Address("localhost", 1))
+        for _ in range(2):
+            with pytest.raises(umbridge.NoAnswerError, match=LOST):
+                client.request("Info")
+        assert len(clock) == 1 + tries
 
     @pytest.mark.parametrize("case", ANSWERS)
     def test_of_servers_that_misbehave(self, case):

@@ -4,7 +4,7 @@ import pytest
 
 import uqpen
 from uqpen.archive.read import read_group
-from uqpen.report.blocks import Alerts, Columns, Findings, Fold, Quote, Text
+from uqpen.report.blocks import Alerts, Columns, Findings, Fold, Quote, Table, Text
 from uqpen.report.sections.answer import answer
 from uqpen.results.archive_view import ArchiveView
 
@@ -170,6 +170,15 @@ def test_of_several_models_the_differences_stand_first(archives):
     )
     assert any(text.startswith("How erosion ends: “v = u” in 63.0 % of cases") for text in first)
     assert any(text.startswith("How erosion ends: “rigid” in 100.0 % of cases") for text in other)
+    blocks = answer(ArchiveView(tree, "original"))
+    tables = [each.table for each in blocks if isinstance(each, Table)]
+    assert {each.title: [row for row, _ in each.rows] for each in tables} == {
+        "Depth of penetration by model, latin": ["P(> 60 cm)", "P(> 90 cm)", "Median [cm]"],
+        "Other outputs by model, latin": [
+            "Length of projectile left, median [m]",
+            "Depth at which erosion ends, median [m]",
+        ],
+    }
     # Of a length that never changes there is no median to read.
     assert any(
         text.startswith("Length of projectile left is 0.16 m in every run") for text in other

@@ -47,6 +47,13 @@ def test_a_constant_stand_in_leaves_the_plain_mean():
     assert found.value == pytest.approx(x.mean())
 
 
+def test_what_a_stand_in_does_beyond_the_common_runs_moves_that_end_out():
+    x = np.linspace(-1, 1, 50)
+    found = linear_estimate(groups(np.stack([5 - 2 * x, x]), np.full(950, 3.0))).allowance
+    # 950 of 1000 lie 2 above the common ones, so 4 below those of the model; a quarter counts.
+    assert found.below - found.above == pytest.approx(0.25 * 4 * 0.95)
+
+
 @pytest.mark.parametrize("noise", [0.1, 3.0])
 def test_intervals_of_mean_quantile_and_probability_cover(noise):
     covers = np.zeros(3)

@@ -119,6 +119,10 @@ class TestMistakes:
                 '.file: found "times.csv" has the columns time [min], n; expected a CSV,',
             ),
             (
+                '{ file = "times.csv", column = 1 }',
+                '.file: found "times.csv" has columns with headings; expected a CSV,',
+            ),
+            (
                 '{ file = "wrong.csv", column = "text" }',
                 '.file: found "wrong.csv", line 2, column "text": found "a", expected a number;',
             ),

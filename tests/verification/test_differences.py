@@ -40,3 +40,14 @@ def test_differences_come_in_the_order_of_the_archive():
         xr.Dataset({name: ("entry", np.full(2, value)) for name in names}) for value in (1.0, 2.0)
     )
     assert [each.what.partition(":")[0] for each in find_differences(one, other)] == names
+
+
+def test_differences_say_how_many_entries_differ():
+    values = {"mean": ("entry", np.array([1.0, 1.0])), "std": ((), 1.0), "delta": ("entry", [2, 2])}
+    one = xr.Dataset(values)
+    other = one.assign(mean=("entry", [1.0, 2.0]), std=((), 2.0), delta=("entry", [1, 1]))
+    assert [each.what for each in find_differences(one, other)] == [
+        "mean: 1 of 2 entries differs by up to 0.5 of the largest value",
+        "std: the value differs by up to 0.5 of the largest value",
+        "delta: 2 of 2 entries differ",
+    ]
