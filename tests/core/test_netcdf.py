@@ -221,6 +221,14 @@ def with_characters(path):
         letters[:] = netCDF4.stringtochar(np.array(["ok"] * A.size, "S4"))
 
 
+def named_by_characters(path):
+    by_netcdf4()(path)
+    with netCDF4.Dataset(path, "a") as root:
+        root.createDimension("length", 4)
+        letters = root.createVariable("run", "S1", ("run", "length"))
+        letters[:] = netCDF4.stringtochar(np.array([f"r{each}" for each in range(A.size)], "S4"))
+
+
 def packed(path):
     with netCDF4.Dataset(path, "w") as root:
         root.createDimension("run", A.size)
@@ -263,6 +271,7 @@ GOOD = {
     "texts, unlimited": with_texts(size=None),
     "texts in chunks": with_texts(chunksizes=(7,)),
     "characters": with_characters,
+    "coordinate of characters": named_by_characters,
     "xarray": by_xarray("netcdf4"),
     "xarray, unlimited": by_xarray("netcdf4", unlimited_dims=["run"]),
     "xarray by scipy": by_xarray("scipy"),

@@ -8,6 +8,8 @@ from hypothesis.extra.numpy import arrays
 
 from uqpen.core.sampling import Sampling
 from uqpen.statistics.by_blocks.blocked_sample import BlockedSample, ColumnCounts
+from uqpen.statistics.sample import Tally
+from uqpen.statistics.standard_errors import extreme_margins
 
 LARGE = 1e6
 # Some values come often, so that atoms and splitters meet.
@@ -90,3 +92,27 @@ def test_order_statistics_are_those_of_the_sorted_values(column, cuts, most):
             if not counts.asked:
                 assert (below, at_or_below) == ((expected < value).sum(), (expected <= value).sum())
             counts.asked.clear()
+
+
+@pytest.mark.parametrize("events", [0, 3, 9, 12])
+def test_a_tally_of_events_has_the_figures_of_their_indicator(events):
+    happens = np.arange(12) < events
+    found = tally_of(happens)
+    assert (found.sum(), found.all()) == (events, happens.all())
+    assert found.std(ddof=1) == pytest.approx(happens.std(ddof=1))
+    for own, expected in zip(extreme_margins(found), extreme_margins(1.0 * happens), strict=True):
+        assert own == pytest.approx(expected)
+
+
+def test_tallies_of_events_on_both_sides_of_values_are_those_of_both():
+    column = np.arange(12)
+    for lowest, highest in ((3, 8), (6, 5), (9, 1)):
+        sides = column >= lowest, column <= highest
+        found, expected = tally_of(sides[0]) & tally_of(sides[1]), tally_of(sides[0] & sides[1])
+        np.testing.assert_array_equal(found.sums, expected.sums)
+
+
+def tally_of(happens):
+    """The tally of an indicator over two replicates."""
+    parts = happens[::2], happens[1::2]
+    return Tally.of_events(*np.array([[part.size, part.sum()] for part in parts]).T)
