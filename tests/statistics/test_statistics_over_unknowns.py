@@ -258,6 +258,7 @@ def test_the_total_over_both_is_computed_and_no_narrower_than_a_part(study_of, t
     assert "the total, which is no sum of both" in lines
     (table,) = (each for each in output_tables(tree) if "bounds over" in each.title)
     assert table.columns[-1] == "range, with uncertain parameters"
+    assert dict(table.rows)["P(> 12) of y"][-1] == "2 % … 43 %"
 
 
 def test_an_event_has_bounds_over_a_box(study_of):
