@@ -21,6 +21,7 @@ from uqpen.core.streams import Stream
 from uqpen.core.variables import Output
 from uqpen.designs.posterior import PriorCoordinates, sample_posterior
 from uqpen.measurements import Experiments, MeasuredOutput, MeasuredOutputs, MeasurementErrors
+from uqpen.models.walker_anderson import WalkerAnderson
 from uqpen.statistics.weighted_posterior import WeightedPosterior
 from uqpen.surrogates.surrogate_posterior import (
     RESULT,
@@ -29,6 +30,7 @@ from uqpen.surrogates.surrogate_posterior import (
 )
 
 Array = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
 
 
 class Problem(NamedTuple):
@@ -36,7 +38,10 @@ class Problem(NamedTuple):
 
     unknowns: int
     results: Callable[[Array], Array]  # (run, coordinate) to (run, row); NaN of a failed run
-    std: float
+    std: float | Array  # of an error; (row,)
+    # (row,): numbers of experiments in which an input has values of its own, the coordinates behind
+    # the unknowns
+    experiment: IntArray | None = None
 
 
 def uniform(points: Array, lower: float, upper: float) -> Array:
@@ -87,27 +92,76 @@ def reaction(points: Array) -> Array:
     return np.concatenate([b, 1 - a - b], axis=1)
 
 
+VELOCITIES = np.linspace(1000.0, 1800.0, 6)
+ROD = WalkerAnderson()
+ROD_ERRORS = np.repeat([0.005, 0.001], len(VELOCITIES))
+
+
+def rod(points: Array) -> Array:
+    """Return depths and residues of eroding rods at six impact velocities.
+
+    Unknown are the strength of the target and the radii of plastic flow and of the crater. Further
+    coordinates are of the strength of each target, which varies by 10 % about that.
+    """
+    medians = {"target_yield_limit": (400e6, 0.25), "plasticity_radius": (0.1, 0.25)}
+    medians["crater_radius"] = (0.017, 0.18)
+    size = len(VELOCITIES)
+    of_draws = {
+        name: np.repeat(median * np.exp(spread * points[:, place]), size)
+        for place, (name, (median, spread)) in enumerate(medians.items())
+    }
+    if points.shape[1] > len(medians):
+        of_draws["target_yield_limit"] *= np.exp(0.1 * points[:, len(medians) :].ravel())
+    known = {
+        "projectile_density": 17_500.0,
+        "projectile_yield_limit": 1.65e9,
+        "projectile_length": 0.16,
+        "projectile_sound_speed": 3071.0,
+        "target_density": 2500.0,
+        "smoothing": 0.0,
+    }
+    of_all = {name: np.full(len(points) * size, value) for name, value in known.items()}
+    velocity = {"impact_velocity": np.tile(VELOCITIES, len(points))}
+    made = ROD.evaluate(of_all | velocity | of_draws).outputs
+    outputs = ("penetration_depth", "projectile_residue")
+    return np.concatenate([made[name].reshape(-1, size) for name in outputs], axis=1)
+
+
 PROBLEMS = {
     "damped oscillation": Problem(3, oscillation, 0.02),
     "damped oscillation of up to six periods": Problem(3, fast_oscillation, 0.02),
     "reaction with three rate constants": Problem(3, reaction, 0.01),
     "damped oscillation, 10 % of the prior fails": Problem(3, failing_oscillation, 0.02),
+    "depths and residues of rods": Problem(3, rod, ROD_ERRORS),
+    "depths and residues of rods, targets vary": Problem(
+        3, rod, ROD_ERRORS, np.tile(np.arange(6), 2)
+    ),
 }
 
 
 def measurements(problem: Problem, data: Array) -> Experiments:
     """Return the measurements of a data set: each row is an experiment."""
     rows = np.arange(len(data))
-    errors = MeasurementErrors(np.full(len(data), problem.std), np.zeros(len(data)))
-    output = MeasuredOutput(Output("y", "1"), rows, {}, data, 0 * rows, rows + 1, errors)
+    experiments = rows if problem.experiment is None else problem.experiment
+    errors = MeasurementErrors(np.zeros(len(data)) + problem.std, np.zeros(len(data)))
+    output = MeasuredOutput(Output("y", "1"), experiments, {}, data, 0 * rows, rows + 1, errors)
     names = tuple(f"x{number + 1}" for number in range(problem.unknowns))
-    return Experiments((MeasuredOutputs("data", names, (), (), {}, {}, (output,), len(data)),))
+    varies = () if problem.experiment is None else ("v",)
+    count = len(np.unique(experiments))
+    return Experiments((MeasuredOutputs("data", names, varies, (), {}, {}, (output,), count),))
+
+
+def coordinates(measured: Experiments) -> PriorCoordinates:
+    """Return the coordinates of a draw; they stand for the inputs themselves."""
+    return PriorCoordinates(cast(Any, None), measured)
 
 
 def exact_posterior(problem: Problem, measured: Experiments, stream: Stream) -> Array:
     """Return draws of the posterior, by a long run of the sampler on the model itself."""
     particles, replicates = 2000, 4
-    sampler = sample_posterior(problem.unknowns, particles, replicates, 10**9, stream)
+    sampler = sample_posterior(
+        coordinates(measured).dimension, particles, replicates, 10**9, stream
+    )
     asked, ended, first = next(sampler), dict[int, Array](), 0
     points = list[Array]()
     while True:
@@ -128,7 +182,7 @@ def surrogate_posterior(
 ) -> tuple[WeightedPosterior, int]:
     """Return the posterior by weighted runs, and the number of all runs."""
     settings = SurrogatePosterior(measured=("data",))
-    search = search_posterior(PriorCoordinates(cast(Any, None), measured), settings, stream)
+    search = search_posterior(coordinates(measured), settings, stream)
     asked, runs = next(search), 0
     while True:
         results = problem.results(asked.points)
@@ -140,7 +194,7 @@ def surrogate_posterior(
     assert (asked.search_round == RESULT).all()
     found = measured.log_likelihood(results)
     names = measured.unknown
-    return WeightedPosterior(names, asked.points, found, asked.predicted), runs
+    return WeightedPosterior(names, asked.points[:, : len(names)], found, asked.predicted), runs
 
 
 KEYS = ("model",)
@@ -150,15 +204,17 @@ ENDS = (0.05, 0.95)
 
 def _row(name: str, seed: int) -> Row:
     problem, stream = PROBLEMS[name], Stream(seed, "dear", name)
-    rng = stream.generator("data")
+    rng, unknowns = stream.generator("data"), problem.unknowns
+    varying = 0 if problem.experiment is None else len(np.unique(problem.experiment))
     while True:  # a run that fails gives no data
-        truth = rng.standard_normal(problem.unknowns)
+        truth = rng.standard_normal(unknowns + varying)
         exact_data = problem.results(truth[np.newaxis])[0]
         if np.isfinite(exact_data).all():
             break
     data = exact_data + problem.std * rng.standard_normal(len(exact_data))
     measured = measurements(problem, data)
-    exact = exact_posterior(problem, measured, stream.child("exact"))
+    exact = exact_posterior(problem, measured, stream.child("exact"))[:, :unknowns]
+    truth = truth[:unknowns]
     found, runs = surrogate_posterior(problem, measured, stream.child("search"))
     mean, std = exact.mean(axis=0), exact.std(axis=0)
     low, high = (found.quantile(end) for end in ENDS)

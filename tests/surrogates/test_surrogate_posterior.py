@@ -11,7 +11,9 @@ import uqpen
 from tests.test_measurements import LINE, MODEL, measured
 from uqpen.archive.structure import find_faults
 from uqpen.core.errors import StudyError
+from uqpen.core.progress import Progress
 from uqpen.core.streams import Stream
+from uqpen.designs.posterior import PriorCoordinates
 from uqpen.results.calibrations import posterior_statements
 from uqpen.results.json import archive_json
 from uqpen.results.output_tables import output_tables
@@ -35,19 +37,24 @@ def curve(points):
 def surrogate(tmp_path):
     text = LINE.replace("std = 0.2\n", "std = 0.2\nshared = { std = 0.3 }\n")
     points = np.random.default_rng(1).standard_normal((25, 2))
-    stream = Stream(1, "test")
-    return RowsSurrogate.fit(measured(tmp_path, text), points, curve(points), stream)
+    return fitted(measured(tmp_path, text), points, curve(points))
+
+
+def fitted(measured, points, results):
+    """Return the surrogate of some runs; coordinates stand for the inputs themselves."""
+    return RowsSurrogate.fit(PriorCoordinates(None, measured), points, results, Stream(1, "test"))
 
 
 def test_the_variance_is_added_with_the_covariance_between_rows(surrogate):
     surrogate = replace(surrogate, variance_scale=4.0)
     points = 2 * np.random.default_rng(2).standard_normal((6, 2))
-    whitened, variances = surrogate.predict(points)
-    shapes, root = surrogate.components.components, surrogate.root
+    (part,) = surrogate.parts
+    whitened, variances = part.predict(points)
+    shapes, root = part.components.components, part.root
     errors = surrogate.measured.covariance(surrogate.measured.values)
     exact = []
     for mean, own in zip(whitened, variances, strict=True):
-        added = shapes.T @ np.diag(own) @ shapes + np.diag(surrogate.components.truncated)
+        added = shapes.T @ np.diag(own) @ shapes + np.diag(part.components.truncated)
         whole = errors + 4.0 * root @ added @ root.T
         exact.append(stats.multivariate_normal(root @ mean, whole).logpdf(np.zeros(4)))
     none = np.empty((6, 0))
@@ -64,11 +71,12 @@ def test_an_unknown_size_of_errors_has_the_same_likelihood(surrogate, tmp_path):
 
 def test_z_scores_are_errors_in_standard_deviations_whatever_the_factor(surrogate):
     points = np.random.default_rng(3).standard_normal((5, 2))
-    whitened, variances = surrogate.predict(points)
-    off = np.sqrt(variances) @ surrogate.components.components
-    left = np.sqrt(surrogate.components.truncated)
+    (part,) = surrogate.parts
+    whitened, variances = part.predict(points)
+    off = np.sqrt(variances) @ part.components.components
+    left = np.sqrt(part.components.truncated)
     assert left.sum() < 0.1 * np.abs(off).sum()
-    results = surrogate.measured.values + (whitened + 3 * off) @ surrogate.root.T
+    results = part.results(whitened + 3 * off)
     results[1] = np.nan
     found = replace(surrogate, variance_scale=7.0).z_scores(points, results)
     assert len(found) == 4
@@ -77,8 +85,37 @@ def test_z_scores_are_errors_in_standard_deviations_whatever_the_factor(surrogat
 
 def test_results_that_are_all_alike_have_no_surrogate(surrogate):
     points = np.random.default_rng(1).standard_normal((25, 2))
-    alike = np.ones((25, 4))
-    assert RowsSurrogate.fit(surrogate.measured, points, alike, Stream(1, "test")) is None
+    assert fitted(surrogate.measured, points, np.ones((25, 4))) is None
+
+
+VARIES = LINE.replace('unknown = ["a", "b"]', 'unknown = ["a"]\nvaries = ["b"]\nexperiment = "n"')
+VARIES = VARIES.replace("x = [0, 1, 2, 3]", "n = [1, 2, 2, 3]\nx = [1, 0, 1, 1]")
+
+
+def test_experiments_with_inputs_of_their_own_have_errors_of_their_own(tmp_path):
+    # All rows have an error in common, so the parts are not independent of each other.
+    text = VARIES.replace("std = 0.2\n", "std = 0.2\nshared = { std = 0.3 }\n")
+    points = np.random.default_rng(1).standard_normal((60, 4))
+    a, b = points[:, :1], points[:, [1, 2, 2, 3]]
+    results = np.sin(a) + a * b * [1, 0, 1, 1]
+    results[7, 0] = np.nan  # of one experiment; the others of this draw are taken
+    surrogate = fitted(measured(tmp_path, text), points, results)
+    assert [part.rows.tolist() for part in surrogate.parts] == [[0], [1, 2], [3]]
+    assert [part.coordinates.tolist() for part in surrogate.parts] == [[0, 1], [0, 2], [0, 3]]
+    assert [len(part.fits[0].points) for part in surrogate.parts] == [59, 60, 60]
+    drawn = np.random.default_rng(2).standard_normal((5, 4))
+    middle, whole = np.empty((5, 4)), np.empty((5, 4, 4))
+    whole[:] = surrogate.measured.covariance(surrogate.measured.values)
+    for part in surrogate.parts:
+        whitened, variances = part.predict(drawn)
+        shapes = part.components.components
+        middle[:, part.rows] = part.results(whitened)
+        for draw, own in enumerate(variances):
+            added = shapes.T @ np.diag(own) @ shapes + np.diag(part.components.truncated)
+            whole[draw][np.ix_(part.rows, part.rows)] += part.root @ added @ part.root.T
+    both = zip(middle, whole, strict=True)
+    exact = [stats.multivariate_normal(*each).logpdf([1.1, 2.9, 5.2, 6.8]) for each in both]
+    assert surrogate.log_likelihood(drawn, np.empty((5, 0))) == pytest.approx(exact, rel=1e-9)
 
 
 # Weighted draws.
@@ -230,7 +267,7 @@ def test_too_few_completed_runs_give_no_posterior(tmp_path):
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
-        ("runs = 15", "runs: found 15; expected at least 16, 8 for each of 2 unknown inputs"),
+        ("runs = 15", "runs: found 15; expected at least 16, 8 for each of 2 inputs that are"),
         ("confirm = 20", "confirm: found 20; expected a whole number, at least 30"),
         ("at_most = 100", "at_most"),
     ],
@@ -242,14 +279,57 @@ def test_a_mistake_is_told_before_any_run(tmp_path, setting, message):
     assert any(message in str(each) for each in caught.value.problems)
 
 
-def test_inputs_that_vary_are_refused(tmp_path):
-    text = POSTERIOR.replace(
-        'unknown = ["a", "b"]', 'unknown = ["a"]\nvaries = ["b"]\nexperiment = "n"'
+@pytest.mark.parametrize(
+    ("of_b", "std"),
+    [
+        ('varies = ["b"]\nexperiment = "n"', 2.0),
+        ('conditions = { b = "0.5" }', 0.5),
+    ],
+    ids=["varies", "condition"],
+)
+def test_what_is_new_in_each_experiment_is_drawn_with_the_unknown_inputs(tmp_path, of_b, std):
+    text = POSTERIOR.replace("[0, 1, 2, 3, 5]", "[0]").replace("std = 0.2", "std = 0.3")
+    text = text.replace('unknown = ["a", "b"]', f'unknown = ["a"]\n{of_b}')
+    text = text.replace("b = { normal = { mean = 0, std = 10 } }", 'b = "0 ± 2"')
+    column = "n = [1, 2, 3, 4]" if "varies" in of_b else "b = [1, 2, 3, 4]"
+    text = text.replace("x = [0, 1, 2, 3]", f"{column}\nx = [0, 0, 0, 0]")
+    tree = calibrated(tmp_path, text, "def line(a, b):\n    return {'y': [a + b]}\n")
+    kept = tree["calibrations/fit"]
+    conditions = np.zeros(4) if "varies" in of_b else np.arange(1.0, 5.0)
+    # Each measurement has the variance std² + 0.3² about a.
+    variance = 1 / (1 / 100 + 4 / (std**2 + 0.09))
+    mean = variance * np.sum([1.1, 2.9, 5.2, 6.8] - conditions) / (std**2 + 0.09)
+    # Of 60 independent draws: 3 standard errors.
+    off = abs(kept["posterior_mean"].values[0, 0] - mean)
+    assert off < 3 * np.sqrt(variance / 60)
+    assert kept["posterior_std"].values[0, 0] == pytest.approx(np.sqrt(variance), rel=0.28)
+    assert kept["effective_number"] == pytest.approx(60, abs=1)
+    b = tree["runs/fit"]["b"].values.reshape(-1, 4)
+    assert np.unique(b[0]).size == 4
+
+
+def test_what_a_surrogate_has_too_many_of_or_cannot_have_is_refused(tmp_path):
+    def refusal(text):
+        (tmp_path / "line.py").write_text(MODEL)
+        with pytest.raises(StudyError) as caught:
+            uqpen.parse_study(text, folder=tmp_path)
+        return [" ".join(str(each).split()) for each in caught.value.problems]
+
+    varies = VARIES.partition("[designs.fit]")[0] + SEARCHED
+    few = refusal(varies + "runs = 15\n")
+    assert any(
+        "at least 16, 8 for each of 2 inputs that are unknown or vary" in each for each in few
     )
-    text = text.replace("x = [0, 1, 2, 3]", "n = [1, 2, 3, 4]\nx = [0, 1, 2, 3]")
-    (tmp_path / "line.py").write_text(MODEL)
-    with pytest.raises(StudyError, match="b, with a value of their own in each experiment"):
-        uqpen.parse_study(text, folder=tmp_path)
+    rows = [*range(50)]
+    many = varies.replace("n = [1, 2, 2, 3]\nx = [1, 0, 1, 1]", f"n = {rows}\nx = {[1] * 50}")
+    many = refusal(many.replace("y = [1.1, 2.9, 5.2, 6.8]", f"y = {rows}"))
+    assert any("51 unknowns: inputs, and each value of what varies" in each for each in many)
+    single = varies.replace(
+        "b = { normal = { mean = 0, std = 10 } }", "b = { poisson = { mean = 3 } }"
+    )
+    (found,) = refusal(single)
+    assert "steps of b, which has single values" in found
+    assert 'kind = "posterior"; or a study of each value' in found
 
 
 @pytest.mark.processor
@@ -264,3 +344,29 @@ unknown = ["a", "b"]
 std = "0.3 m"
 """
     check_interruptions_and_workers(tmp_path, design, [2, 3])
+
+
+def test_runs_of_an_earlier_archive_change_no_byte(tmp_path):
+    def archive(name, confirm, **options):
+        study = uqpen.parse_study(
+            POSTERIOR + SHORT.replace("confirm = 30", f"confirm = {confirm}"), folder=tmp_path
+        )
+        uqpen.make_archive(study, tmp_path / name, **options)
+        return (tmp_path / name).read_bytes()
+
+    (tmp_path / "line.py").write_text(MODEL)
+    archive("few.nc", 30)
+    afresh = archive("many.nc", 40)
+    # The search is the same: of its 65 runs the earlier archive has all but those of ten draws.
+    counts = Counts()
+    assert archive("again.nc", 40, reuse=[tmp_path / "few.nc"], progress=counts) == afresh
+    assert counts.reused == 55
+
+
+class Counts(Progress):
+    """Counts the runs that are taken again."""
+
+    reused = 0
+
+    def count_reused(self, runs, place):
+        self.reused += runs

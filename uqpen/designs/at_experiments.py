@@ -46,13 +46,15 @@ class MeasuredDesign(Design):
     def files(self) -> tuple[FileSnapshot, ...]:
         return self.experiments.files
 
-    def check_continuous(self, joint: JointDistribution) -> Iterator[Problem]:
-        """Yield the problems of unknown inputs that have single values."""
-        entries = {each.variable.name: each.distribution for each in joint.random}
-        for unknown in self.experiments.unknown:
-            if unknown in entries and entries[unknown].is_discrete:
-                found = f"steps of {unknown}, which has single values"
-                yield Problem((), found, "unknowns with a continuous distribution")
+    def check_continuous(
+        self, joint: JointDistribution, names: Collection[str]
+    ) -> Iterator[Problem]:
+        """Yield the problems of inputs that have single values, of some names."""
+        for entry in joint.random:
+            if entry.variable.name in names and entry.distribution.is_discrete:
+                found = f"steps of {entry.variable.name}, which has single values"
+                expected = 'a continuous distribution; kind = "posterior"; or a study of each value'
+                yield Problem((), found, expected)
 
 
 @dataclass(frozen=True)

@@ -953,7 +953,7 @@ class LeastSquares(LimitedMeasuredDesign):
         if self.experiments.has_discrepancy:
             found = "a discrepancy, which takes up whatever the unknowns do not explain"
             yield Problem(("measured",), found, 'kind = "posterior", where it has a prior')
-        yield from self.check_continuous(joint)
+        yield from self.check_continuous(joint, self.experiments.unknown)
 
     @property
     def settings(self) -> SearchSettings:

@@ -363,7 +363,7 @@ class Replicate:
 # The design: the unknowns of a study, and the particles of its sampler.
 
 # So few particles of each coordinate have a covariance that is worth to follow.
-_PARTICLES_OF_EACH = 20
+PARTICLES_OF_EACH = 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -398,6 +398,26 @@ class PriorCoordinates:
             for section in self.measured.sections
         )
         return len(self.unknowns) + sum(of_each)
+
+    def parts(self) -> Iterator[tuple[IntArray, IntArray]]:
+        """Yield rows whose results depend on the same coordinates, and the numbers of these.
+
+        They are all rows. Where something has a value of its own in each experiment, they are those
+        of each experiment.
+        """
+        measured, unknown = self.measured, np.arange(len(self.measured.unknown))
+        if not measured.moved:
+            yield np.arange(len(measured.values)), unknown
+            return
+        at, first = len(self.unknowns), 0
+        for section in measured.sections:
+            size = section.experiments
+            moved = np.arange(len(section.varies) + len(section.condition_std))
+            for number in range(size):
+                rows = np.flatnonzero(measured.experiment == first + number)
+                if len(rows):
+                    yield rows, np.concatenate([unknown, at + number + size * moved])
+            at, first = at + size * len(moved), first + size
 
     def error_stds(self, points: FloatArray) -> FloatArray:
         """Return the standard deviations of measurements that have a coordinate.
@@ -512,8 +532,8 @@ class Posterior(LimitedMeasuredDesign):
         if not prior.unknowns:
             expected = "measurements with an unknown input, or with errors of unknown size"
             yield Problem(("measured",), "nothing that is unknown", expected)
-        if self.particles < (least := _PARTICLES_OF_EACH * dimension):
-            expected = f"at least {least}, {_PARTICLES_OF_EACH} for each of {dimension} unknowns: "
+        if self.particles < (least := PARTICLES_OF_EACH * dimension):
+            expected = f"at least {least}, {PARTICLES_OF_EACH} for each of {dimension} unknowns: "
             expected += "inputs, sizes of errors, and each value of what varies"
             yield Problem(("particles",), str(self.particles), expected)
         least = 2 * self.particles * self.replicates * self.experiments.count + self._of_blank_rows

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Generator, Iterator
 from dataclasses import dataclass
@@ -20,7 +21,7 @@ from uqpen.core.settings import count
 from uqpen.core.streams import Stream
 from uqpen.designs.at_experiments import MeasuredDesign
 from uqpen.designs.design import NO_STEP_BETWEEN_LABELS, Rounds
-from uqpen.designs.posterior import PriorCoordinates, sample_posterior
+from uqpen.designs.posterior import PARTICLES_OF_EACH, PriorCoordinates, sample_posterior
 from uqpen.designs.quasi_monte_carlo import sobol_points
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.measurements import EXACTLY, Experiments
@@ -49,17 +50,40 @@ _STEPS = 30
 _MOST_ENTRIES = 2**22
 
 
-@dataclass(frozen=True, eq=False)
-class RowsSurrogate:
-    """Gaussian processes of the principal components of a model's results.
+class PartSurrogate(NamedTuple):
+    """Gaussian processes of the principal components of results at rows with the same inputs.
 
     Results are whitened: in units, and along the axes, of the errors of measurement.
     """
 
-    measured: Experiments
+    rows: IntArray  # of the measurements
+    coordinates: IntArray  # of a draw, on which their results depend
+    values: FloatArray  # (row,): what was measured
     root: FloatArray  # (row, row): Cholesky factor of the covariance of the errors
     components: PrincipalComponents
     fits: tuple[GaussianProcessFit, ...]  # one for each component
+
+    def predict(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return whitened results, shape (draw, row), and the variances of their scores.
+
+        The variances, of shape (draw, component), are without the factor.
+        """
+        predicted = [each.predict(points[:, self.coordinates]) for each in self.fits]
+        means = np.column_stack([each.mean for each in predicted])
+        stds = np.column_stack([each.std for each in predicted if each.std is not None])
+        return self.components.sums(means), stds**2
+
+    def results(self, whitened: FloatArray) -> FloatArray:
+        """Return results from whitened ones, shape (draw, row)."""
+        return self.values + whitened @ self.root.T
+
+
+@dataclass(frozen=True, eq=False)
+class RowsSurrogate:
+    """Surrogate of the results at all rows: parts whose errors are independent of each other."""
+
+    measured: Experiments
+    parts: tuple[PartSurrogate, ...]
     # Factor of all variances, so that errors of runs that were predicted before have the variance 1
     variance_scale: float = 1.0
 
@@ -67,7 +91,7 @@ class RowsSurrogate:
     @one_blas_thread()
     def fit(
         cls,
-        measured: Experiments,
+        prior: PriorCoordinates,
         points: FloatArray,
         results: FloatArray,
         stream: Stream,
@@ -78,49 +102,48 @@ class RowsSurrogate:
 
         Parameters
         ----------
-        points : ndarray, shape (draw, unknown)
+        prior : PriorCoordinates
+        points : ndarray, shape (draw, coordinate)
             In standard normal space.
         results : ndarray, shape (draw, row)
             NaN where a run failed.
         before : RowsSurrogate, optional
             The fit to fewer runs, from whose parameters the search starts.
         """
-        completed = np.isfinite(results).all(axis=1)
-        points, results = points[completed], results[completed]
-        is_few = len(points) < _RUNS_OF_EACH * (points.shape[1] + 1)
-        if is_few or not np.ptp(results, axis=0).any():
-            return None
+        measured = prior.measured
         # An error that is a share of 0 has no size.
-        at = np.where(measured.values == 0, np.abs(results).mean(axis=0), measured.values)
+        is_known = np.isfinite(results)
+        sizes = np.where(is_known, np.abs(results), 0.0).sum(axis=0)
+        sizes /= np.maximum(is_known.sum(axis=0), 1)
+        at = np.where(measured.values == 0, sizes, measured.values)
         covariance = measured.covariance(at, np.array([each.scale for each in measured.sizes]))
-        if not np.diag(covariance).all():
-            return None
-        root = np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
-        whitened = solve_triangular(root, (results - measured.values).T, lower=True).T
-        whole = float(whitened.var(axis=0).sum())
-        weights = np.ones(whitened.shape[1])
-        kept = 1 - min(_TRUNCATED / whole, 0.5)
-        components = PrincipalComponents.of_runs(whitened, weights, kept)
-        known = before.fits if before else ()
-        fits = []
-        for number, scores in enumerate(components.scores(whitened).T):
-            start = known[number] if number < len(known) else None
-            rng = stream.generator("component", number)
-            fits.append(_fitted_process(points, scores, rng, start))
-        if any(each is None for each in fits):
-            return None
-        found = tuple(each for each in fits if each is not None)
-        return cls(measured, root, components, found, variance_scale)
-
-    def predict(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return whitened results, shape (draw, row), and the variances of their scores.
-
-        The variances, of shape (draw, component), are without the factor.
-        """
-        predicted = [each.predict(points) for each in self.fits]
-        means = np.column_stack([each.mean for each in predicted])
-        stds = np.column_stack([each.std for each in predicted if each.std is not None])
-        return self.components.sums(means), stds**2
+        rngs = (stream.generator("component", number) for number in itertools.count())
+        parts: list[PartSurrogate] = []
+        for number, (rows, coordinates) in enumerate(prior.parts()):
+            known = before.parts[number].fits if before else ()
+            own, errors = results[:, rows], covariance[np.ix_(rows, rows)]
+            completed = np.isfinite(own).all(axis=1)
+            inputs, own = points[np.ix_(completed, coordinates)], own[completed]
+            is_few = len(inputs) < _RUNS_OF_EACH * (len(coordinates) + 1)
+            if is_few or not np.ptp(own, axis=0).any() or not np.diag(errors).all():
+                return None
+            root = np.asarray(np.linalg.cholesky(errors), dtype=np.float64)
+            whitened = solve_triangular(root, (own - measured.values[rows]).T, lower=True).T
+            whole = float(whitened.var(axis=0).sum())
+            kept = 1 - min(_TRUNCATED / whole, 0.5)
+            components = PrincipalComponents.of_runs(whitened, np.ones(len(rows)), kept)
+            fits = [
+                _fitted_process(inputs, scores, next(rngs), start)
+                for scores, start in itertools.zip_longest(
+                    components.scores(whitened).T, known[: components.count]
+                )
+            ]
+            found = tuple(each for each in fits if each is not None)
+            if len(found) < len(fits):
+                return None
+            values = measured.values[rows]
+            parts.append(PartSurrogate(rows, coordinates, values, root, components, found))
+        return cls(measured, tuple(parts), variance_scale)
 
     @one_blas_thread()
     def log_likelihood(self, points: FloatArray, sizes: FloatArray) -> FloatArray:
@@ -130,25 +153,32 @@ class RowsSurrogate:
 
         Parameters
         ----------
-        points : ndarray, shape (draw, unknown)
+        points : ndarray, shape (draw, coordinate)
         sizes : ndarray, shape (draw, size)
             Standard deviations of measurements that are not known.
         """
-        measured, rows = self.measured, len(self.root)
+        measured, rows = self.measured, len(self.measured.values)
         is_fixed = measured.has_fixed_errors and not measured.sizes
         if is_fixed and (measured.censoring == EXACTLY).all():
-            whitened, variances = self.predict(points)
-            return self._log_density(whitened, self.variance_scale * variances)
+            (part,) = self.parts
+            whitened, variances = part.predict(points)
+            return self._log_density(part, whitened, self.variance_scale * variances)
         found = np.empty(len(points))
         at_once = max(1, _MOST_ENTRIES // rows**2)
-        shapes = self.components.components
         for first in range(0, len(points), at_once):
-            part = slice(first, first + at_once)
-            whitened, variances = self.predict(points[part])
-            covariance = (variances[:, np.newaxis] * shapes.T) @ shapes
-            covariance += np.diag(self.components.truncated)
-            added = self.root @ (self.variance_scale * covariance) @ self.root.T
-            found[part] = measured.log_likelihood(self._results(whitened), sizes[part], added=added)
+            some = slice(first, first + at_once)
+            results = np.empty((len(points[some]), rows))
+            added = np.zeros((*results.shape, rows))
+            for part in self.parts:
+                whitened, variances = part.predict(points[some])
+                shapes = part.components.components
+                covariance = (variances[:, np.newaxis] * shapes.T) @ shapes
+                covariance += np.diag(part.components.truncated)
+                results[:, part.rows] = part.results(whitened)
+                added[:, part.rows[:, np.newaxis], part.rows] = (
+                    part.root @ (self.variance_scale * covariance) @ part.root.T
+                )
+            found[some] = measured.log_likelihood(results, sizes[some], added=added)
         return found
 
     def z_scores(self, points: FloatArray, results: FloatArray) -> FloatArray:
@@ -157,24 +187,26 @@ class RowsSurrogate:
         They are of the surrogate without its factor; of completed runs alone, shape (run,).
         """
         completed = np.isfinite(results).all(axis=1)
-        whitened, variances = self.predict(points[completed])
-        off = results[completed] - self._results(whitened)
-        errors = solve_triangular(self.root, off.T, lower=True)
-        # The components are orthonormal.
-        expected = variances.sum(axis=1) + self.components.truncated.sum()
-        found: FloatArray = np.sqrt((errors**2).sum(axis=0) / expected)
+        squares, expected = np.zeros((2, int(completed.sum())))
+        for part in self.parts:
+            whitened, variances = part.predict(points[completed])
+            off = results[np.ix_(completed, part.rows)] - part.results(whitened)
+            errors = solve_triangular(part.root, off.T, lower=True)
+            squares += (errors**2).sum(axis=0)
+            # The components are orthonormal.
+            expected += variances.sum(axis=1) + part.components.truncated.sum()
+        found: FloatArray = np.sqrt(squares / expected)
         return found
 
-    def _results(self, whitened: FloatArray) -> FloatArray:
-        return self.measured.values + whitened @ self.root.T
-
-    def _log_density(self, whitened: FloatArray, variances: FloatArray) -> FloatArray:
+    def _log_density(
+        self, part: PartSurrogate, whitened: FloatArray, variances: FloatArray
+    ) -> FloatArray:
         """Return the same where errors are known, by matrices of components alone.
 
         By Woodbury's identity and the matrix determinant lemma.
         """
-        shapes = self.components.components
-        own = 1 + self.variance_scale * self.components.truncated
+        shapes = part.components.components
+        own = 1 + self.variance_scale * part.components.truncated
         std = np.sqrt(variances)
         within = (shapes / own) @ shapes.T
         matrix = np.eye(len(shapes)) + std[:, :, np.newaxis] * within * std[:, np.newaxis]
@@ -183,7 +215,7 @@ class RowsSurrogate:
         squares = (whitened**2 / own).sum(axis=1)
         squares -= (np.linalg.solve(lower, along) ** 2).sum(axis=(1, 2))
         diagonal = np.diagonal(lower, axis1=1, axis2=2)
-        constant = np.log(own).sum() + 2 * np.log(np.diag(self.root)).sum()
+        constant = np.log(own).sum() + 2 * np.log(np.diag(part.root)).sum()
         constant += len(own) * math.log(2 * math.pi)
         found: FloatArray = -0.5 * (squares + constant) - np.log(diagonal).sum(axis=1)
         return found
@@ -285,9 +317,7 @@ def search_posterior(
         It is sent the results at the rows of the measurements, shape (draw, row), with NaN where a
         run failed.
     """
-    measured, dimension = prior.measured, prior.dimension
-    inputs = len(measured.unknown)
-    points = ndtri(sobol_points(stream.generator("prior"), settings.runs, dimension))
+    points = ndtri(sobol_points(stream.generator("prior"), settings.runs, prior.dimension))
     nothing = np.full(len(points), np.nan)
     of_prior = np.zeros(len(points), dtype=np.int64)
     results = yield SearchedDraws(points, of_prior, nothing, nothing)
@@ -299,7 +329,7 @@ def search_posterior(
         own = stream.child("round", number)
         last = np.concatenate(scores[-_SCORED:]) if scores else np.empty(0)
         scale = float((last**2).mean()) if len(last) else 1.0
-        surrogate = RowsSurrogate.fit(measured, points[:, :inputs], results, own, surrogate, scale)
+        surrogate = RowsSurrogate.fit(prior, points, results, own, surrogate, scale)
         if surrogate is None:
             return
         size = settings.confirm if number == RESULT else settings.batch
@@ -308,11 +338,11 @@ def search_posterior(
             return
         drawn, predicted = found
         made = yield SearchedDraws(drawn, np.full(size, number), predicted, np.full(size, scale))
-        real = measured.log_likelihood(made, prior.error_stds(drawn))
+        real = prior.measured.log_likelihood(made, prior.error_stds(drawn))
         weights = importance_weights(real, predicted)
         if weights.any() and _ENOUGH * size * (weights**2).sum() <= 1:
             left = left[-1:]
-        scores.append(surrogate.z_scores(drawn[:, :inputs], made))
+        scores.append(surrogate.z_scores(drawn, made))
         points, results = np.concatenate([points, drawn]), np.concatenate([results, made])
 
 
@@ -321,7 +351,6 @@ def _drawn_by(
     surrogate: RowsSurrogate, prior: PriorCoordinates, size: int, stream: Stream
 ) -> tuple[FloatArray, FloatArray] | None:
     """Return draws of a surrogate's posterior, and their log likelihood; None without an end."""
-    inputs = len(surrogate.measured.unknown)
     sampler = sample_posterior(
         prior.dimension, _PARTICLES, 1, _ALL_MOVES * _PARTICLES, stream, _MOVES
     )
@@ -330,7 +359,7 @@ def _drawn_by(
     while True:
         sizes = prior.error_stds(asked.points)
         made.append(asked.points)
-        found.append(surrogate.log_likelihood(asked.points[:, :inputs], sizes))
+        found.append(surrogate.log_likelihood(asked.points, sizes))
         try:
             asked = sampler.send(found[-1])
         except StopIteration:
@@ -347,6 +376,8 @@ def _drawn_by(
 
 # Least draws of the prior for each unknown, so that a process knows its lengths.
 _DRAWS_OF_EACH = 8
+# Most coordinates of a draw, so that the particles have a covariance that is worth to follow.
+_MOST_COORDINATES = _PARTICLES // PARTICLES_OF_EACH
 
 
 @dataclass(frozen=True)
@@ -389,21 +420,27 @@ class SurrogatePosterior(MeasuredDesign):
     confirm: int = count(minimum=30, maximum=_PARTICLES // 2, default=60)
 
     def check_inputs(self, joint: JointDistribution) -> Iterator[Problem]:
-        yield from self.check_continuous(joint)
-        if self.experiments.has_discrepancy:
+        measured = self.experiments
+        if measured.has_discrepancy:
             found = "a discrepancy, which no surrogate is certified beside"
             yield Problem(("measured",), found, 'kind = "posterior", where it has a prior')
-        if moved := self.experiments.moved:
-            found = f"{', '.join(moved)}, with a value of their own in each experiment"
-            expected = 'fixed inputs and conditions without errors; or kind = "posterior"'
-            yield Problem(("measured",), found, expected)
-        unknowns = len(self.experiments.unknown)
-        if self.experiments.count and not unknowns:
+        yield from self.check_continuous(joint, {*measured.unknown, *measured.moved})
+        if not measured.count:
+            return  # the mistake of its measurements is noted
+        if not measured.unknown:
             expected = "measurements with an unknown input"
             yield Problem(("measured",), "no input that is unknown", expected)
-        if self.runs < (least := _DRAWS_OF_EACH * unknowns):
-            expected = f"at least {least}, {_DRAWS_OF_EACH} for each of {unknowns} unknown inputs"
+        prior = PriorCoordinates(joint, measured)
+        inputs = max(len(coordinates) for _, coordinates in prior.parts())
+        if self.runs < (least := _DRAWS_OF_EACH * inputs):
+            expected = f"at least {least}, {_DRAWS_OF_EACH} for each of {inputs} inputs that are "
+            expected += "unknown or vary"
             yield Problem(("runs",), str(self.runs), expected)
+        if (found_dimension := prior.dimension) > _MOST_COORDINATES:
+            found = f"{found_dimension} unknowns: inputs, and each value of what varies"
+            yield Problem(
+                ("measured",), found, f"at most {_MOST_COORDINATES}; or fewer experiments"
+            )
 
     def run_count(self, joint: JointDistribution) -> int:
         draws = self.runs + self.batches * self.batch + self.confirm
