@@ -171,7 +171,7 @@ def searched(
     """Return the runs of a search, the number of its rounds, and the unknowns without effect."""
     infinite = np.full(starts.shape[1], np.inf)
     lower, upper = -infinite if lower is None else lower, infinite if upper is None else upper
-    search = search_least_squares(starts, KnownRuns(lower, upper), settings)
+    search = search_least_squares(starts, KnownRuns(lower, upper, settings))
     rounds: list[tuple[LeastSquaresPoints, FloatArray]] = []
     asked = next(search)
     while True:

@@ -20,6 +20,7 @@ from uqpen.designs.least_squares import (
     difference_quotient,
     noise_line,
 )
+from uqpen.results.calibrations import combination_text
 from uqpen.results.json import archive_json
 from uqpen.results.output_tables import output_tables
 from uqpen.statistics.calibration import FittedUnknowns
@@ -142,11 +143,12 @@ def test_what_the_data_do_not_teach_is_a_combination():
     found, *_ = fitted(
         lambda z: (np.exp(0.6 * z[0] + 0.8 * z[1]) + 1e-3 * z[1] - 1.5 + 0 * x) / 0.1, np.zeros(2)
     )
-    taught, unknown = found.combinations
-    assert taught.text(["rate", "limit"]) == "0.80 limit + 0.60 rate"
-    assert taught.standard_error == pytest.approx(0.1 / math.sqrt(5) / 1.5, rel=1e-2)
-    assert unknown.text(["rate", "limit"]) == "0.80 rate - 0.60 limit"
-    assert unknown.standard_error > 10
+    weights, errors = found.combinations
+    taught, unknown = (combination_text(each, ["rate", "limit"]) for each in weights)
+    assert taught == "0.80 limit + 0.60 rate"
+    assert errors[0] == pytest.approx(0.1 / math.sqrt(5) / 1.5, rel=1e-2)
+    assert unknown == "0.80 rate - 0.60 limit"
+    assert errors[1] > 10
 
 
 def test_a_minimum_beyond_the_support_is_held_at_its_end():
@@ -207,10 +209,10 @@ def test_residuals_along_a_curve_show_their_correlation():
     x = np.linspace(0, 1, 40)
     wave = 0.3 * np.sin(12 * x)
     found, *_ = fitted(lambda z: (z[0] + z[1] * x - 2 - wave) / 0.1, np.zeros(2))
-    assert found.are_residuals_correlated
+    assert abs(found.lag_1_correlation) > 2 / math.sqrt(40)
     alone = np.where(np.arange(40) == 17, 0.9, 0.0)
     found, *_ = fitted(lambda z: (z[0] + z[1] * x - 2 - alone) / 0.1, np.zeros(2))
-    assert not found.are_residuals_correlated
+    assert abs(found.lag_1_correlation) < 2 / math.sqrt(40)
     assert np.abs(found.standardised_residuals).argmax() == 17
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -110,11 +110,10 @@ class ModelNoise(NamedTuple):
         """Change of a residual that the noise may hide."""
         return 0.0 if math.isnan(self.size) else 3 * self.size
 
-    def finer_steps(self, at: LinearModel, settings: SearchSettings) -> FloatArray:
+    def finer_steps(self, steps: FloatArray, at: LinearModel) -> FloatArray:
         """Return steps that are short beside standard errors, where the noise allows it."""
-        scale = at.scale(errors_are_known=settings.errors_are_known)
-        part = max((self.hidden / scale) ** (1 / 3), _FINER_STEP)
-        return part * scale * at.standard_errors
+        part = max((self.hidden / at.scale) ** (1 / 3), _FINER_STEP)
+        return np.minimum(steps, part * at.scale * at.standard_errors)
 
     @property
     def step(self) -> float:
@@ -130,16 +129,6 @@ class ModelNoise(NamedTuple):
 
 
 # Difference quotients from the runs around a point.
-
-
-def difference_offsets(
-    point: FloatArray, steps: FloatArray, lower: FloatArray, upper: FloatArray
-) -> FloatArray:
-    """Return the two steps of each unknown, shape (unknown, 2): to both sides, or both inwards."""
-    factors = np.tile([-1.0, 1.0], (len(point), 1))
-    factors[point - steps < lower] = 1.0, 2.0
-    factors[point + steps > upper] = -1.0, -2.0
-    return factors * steps[:, np.newaxis]
 
 
 def difference_quotient(
@@ -189,9 +178,9 @@ class SearchSettings:
     # A search goes on until the next step is this part of a standard error.
     precision: float = 1e-6
 
-    def quantile(self, freedom: int) -> float:
+    def quantile(self, level: float, freedom: int) -> float:
         """Half-width of an interval in standard errors: normal where errors are known, else t."""
-        upper = 0.5 + self.level / 2
+        upper = 0.5 + level / 2
         if self.errors_are_known and math.isinf(self.freedom):
             return float(ndtri(upper))
         freedom = int(self.freedom) if self.errors_are_known else freedom
@@ -215,18 +204,25 @@ class LinearModel:
     jacobian: FloatArray  # (residual, unknown)
     lower: FloatArray  # (unknown,): ends of the supports of the priors
     upper: FloatArray
+    settings: SearchSettings
 
     @property
     def sum_of_squares(self) -> float:
         """Sum of squares of the residuals."""
         return float(self.residuals @ self.residuals)
 
-    def scale(self, *, errors_are_known: bool) -> float:
-        """Return the standard deviation of a residual: 1 where errors are known."""
-        freedom = self.jacobian.shape[0] - self.jacobian.shape[1]
-        if errors_are_known or freedom < 1:
+    @property
+    def freedom(self) -> int:
+        """Number of residuals beyond that of the unknowns."""
+        residuals, unknowns = self.jacobian.shape
+        return residuals - unknowns
+
+    @property
+    def scale(self) -> float:
+        """Standard deviation of a residual: 1 where errors are known."""
+        if self.settings.errors_are_known or self.freedom < 1:
             return 1.0
-        return math.sqrt(self.sum_of_squares / freedom)
+        return math.sqrt(self.sum_of_squares / self.freedom)
 
     @property
     def standard_errors(self) -> FloatArray:
@@ -235,10 +231,6 @@ class LinearModel:
         with np.errstate(divide="ignore"):
             found: FloatArray = np.sqrt(((right / values[:, np.newaxis]) ** 2).sum(axis=0))
         return found
-
-    def is_near(self, point: FloatArray, part: float) -> bool:
-        """Return whether it is within a part of its standard errors from a point."""
-        return bool((np.abs(self.point - point) < part * self.standard_errors).all())
 
     @property
     def end_distance(self) -> FloatArray:
@@ -252,10 +244,16 @@ class LinearModel:
         distance = min(self.point[axis] - self.lower[axis], self.upper[axis] - self.point[axis])
         return bool(distance < self.end_distance[axis])
 
-    def is_minimum(self, settings: SearchSettings) -> bool:
-        """Return whether the next step is short beside the standard errors."""
-        scale = self.scale(errors_are_known=settings.errors_are_known)
-        return self.newton_step[1] <= NEAR_MINIMUM * scale
+    @property
+    def is_minimum(self) -> bool:
+        """True where the next step is short beside the standard errors."""
+        return self.newton_step[1] <= NEAR_MINIMUM * self.scale
+
+    @property
+    def profile_level(self) -> float:
+        """Sum of squares at the ends of profile-likelihood intervals about this minimum."""
+        quantile = self.settings.quantile(self.settings.level, self.freedom)
+        return self.sum_of_squares + (quantile * self.scale) ** 2
 
     @cached_property
     def newton_step(self) -> tuple[FloatArray, float]:
@@ -307,8 +305,7 @@ class LinearModel:
 # Search: SciPy's method started again from the runs so far, until it needs no other.
 
 
-@dataclass(frozen=True, eq=False)
-class LeastSquaresPoints:
+class LeastSquaresPoints(NamedTuple):
     """Points of a round of a search."""
 
     points: FloatArray  # (run, unknown): in standard deviations of the priors, from their medians
@@ -326,20 +323,18 @@ class LeastSquaresPoints:
 
         With the point itself, that is run number `run`.
         """
-        own, dimension = int(with_point), len(point)
-        axis = np.concatenate([[NO_AXIS] * own, dimension + np.arange(2 * moved)]).astype(np.int64)
-        points = np.repeat(point[np.newaxis], len(axis), axis=0)
+        axis = len(point) + np.arange(2 * moved)
+        if with_point:
+            axis = np.append(NO_AXIS, axis)
         origin = np.where(axis == NO_AXIS, -1, run)
-        return cls(points, np.zeros(len(axis), dtype=np.int64), origin, axis)
+        return cls(np.tile(point, (len(axis), 1)), np.zeros_like(axis), origin, axis)
 
     @classmethod
-    def joined(cls, rounds: Sequence[LeastSquaresPoints], dimension: int) -> LeastSquaresPoints:
+    def joined(cls, rounds: Iterable[LeastSquaresPoints], dimension: int) -> LeastSquaresPoints:
         """Return the points of several rounds, in their order."""
         none = np.empty(0, dtype=np.int64)
         nothing = cls(np.empty((0, dimension)), none, none, none)
-        names = ("points", "start", "origin", "axis")
-        every = (nothing, *rounds)
-        return cls(*(np.concatenate([getattr(each, name) for each in every]) for name in names))
+        return cls(*map(np.concatenate, zip(nothing, *rounds, strict=True)))
 
 
 class SearchEnd(NamedTuple):
@@ -347,17 +342,6 @@ class SearchEnd(NamedTuple):
 
     flat: set[int]  # unknowns with which the residuals change at no start
     minima: Mapping[int, LinearModel | None]  # where the search from each start has ended
-
-    def next_starts(self, starts: FloatArray) -> FloatArray:
-        """Return where the searches have ended, or else began."""
-        minima = (self.minima.get(number) for number in range(len(starts)))
-        pairs = zip(starts, minima, strict=True)
-        return np.array([start if at is None else at.point for start, at in pairs])
-
-
-# It yields points and is sent the whitened residuals of their runs, shape (run, residual), with NaN
-# where a run failed.
-Search = Generator[LeastSquaresPoints, FloatArray, SearchEnd]
 
 
 class _Missing(Exception):  # noqa: N818
@@ -380,10 +364,11 @@ class KnownRuns:
     ----------
     lower, upper : ndarray, shape (unknown,)
         Ends of the supports of the priors.
+    settings : SearchSettings
     """
 
-    def __init__(self, lower: FloatArray, upper: FloatArray) -> None:
-        self.lower, self.upper = lower, upper
+    def __init__(self, lower: FloatArray, upper: FloatArray, settings: SearchSettings) -> None:
+        self.lower, self.upper, self.settings = lower, upper, settings
         self.runs = 0
         # By the bytes of a point: the number of its run, and its residuals.
         self.numbers: dict[bytes, int] = {}
@@ -405,25 +390,28 @@ class KnownRuns:
             raise _Missing([(point, NO_AXIS), *self._around(point, steps)], point)
         return known
 
-    def line(self, middle: FloatArray, points: FloatArray) -> FloatArray:
-        """Return the residuals at points on a line around another."""
-        lacking = [(each, NOISE_AXIS) for each in points if each.tobytes() not in self.residuals]
-        if lacking:
-            raise _Missing(lacking, middle)
-        return np.array([self.residuals[each.tobytes()] for each in points])
-
     def linear_model(self, point: FloatArray, steps: FloatArray) -> LinearModel:
         """Return the residuals at a point with their derivatives by steps, shape (unknown,)."""
         key = point.tobytes() + steps.tobytes()
         if key not in self._models:
             residuals = self.at(point, steps)
             jacobian = self._jacobian(point, residuals, steps)
-            self._models[key] = LinearModel(point, residuals, jacobian, self.lower, self.upper)
+            around = self.lower, self.upper, self.settings
+            self._models[key] = LinearModel(point, residuals, jacobian, *around)
         return self._models[key]
 
     def _around(self, point: FloatArray, steps: FloatArray) -> list[tuple[FloatArray, int]]:
-        offsets = difference_offsets(point, steps, self.lower, self.upper)
-        return [(_moved(point, axis, by), axis) for axis, both in enumerate(offsets) for by in both]
+        """Return points with one unknown moved, and its number: to both sides, or both inwards."""
+        factors = np.tile([-1.0, 1.0], (len(point), 1))
+        factors[point - steps < self.lower] = 1.0, 2.0
+        factors[point + steps > self.upper] = -1.0, -2.0
+        offsets = factors * steps[:, np.newaxis]
+        is_axis = np.eye(len(point), dtype=np.bool_)
+        return [
+            (np.where(is_axis[axis], point + by, point), axis)
+            for axis, both in enumerate(offsets)
+            for by in both
+        ]
 
     def _jacobian(self, point: FloatArray, residuals: FloatArray, steps: FloatArray) -> FloatArray:
         columns: dict[int, FloatArray] = {}
@@ -444,12 +432,6 @@ class KnownRuns:
         return np.stack([columns[axis] for axis in range(len(point))], axis=1)
 
 
-def _moved(point: FloatArray, axis: int, by: float) -> FloatArray:
-    moved = point.copy()
-    moved[axis] += by
-    return moved
-
-
 # The end of a profile is found where the next step is this part of its distance.
 PROFILE_FOUND = 0.01
 _PROFILE_STEPS = 20
@@ -461,7 +443,9 @@ _SHORTEST_STEP = 1e-12
 _MOST_STEPS = 600
 
 
-def search_least_squares(starts: FloatArray, known: KnownRuns, settings: SearchSettings) -> Search:
+def search_least_squares(
+    starts: FloatArray, known: KnownRuns
+) -> Generator[LeastSquaresPoints, FloatArray, SearchEnd]:
     """Search the least sum of squares from several starts at once, then the ends of its profiles.
 
     Each round has the next point of each search, with the runs of its difference quotients. Steps
@@ -472,14 +456,18 @@ def search_least_squares(starts: FloatArray, known: KnownRuns, settings: SearchS
     starts : ndarray, shape (start, unknown)
         In standard deviations of the priors, from their medians.
     known : KnownRuns
-        The runs so far, if any; others are added.
-    settings : SearchSettings
+        The runs so far, if any, and the settings; other runs are added.
+
+    Yields
+    ------
+    LeastSquaresPoints
+        It is sent the whitened residuals of their runs, shape (run, residual), with NaN where a run
+        failed.
 
     References
     ----------
     Branch, M. A., Coleman, T. F. & Li, Y. (1999). SIAM J. Sci. Comput. 21, 1-23.
     """
-    noise = ModelNoise(math.nan, math.nan, _DISTANCES[0])
     for distance in _DISTANCES:
         line = starts[0] + noise_line(starts.shape[1], distance)
         at = np.zeros(len(line), dtype=np.int64)
@@ -493,11 +481,12 @@ def search_least_squares(starts: FloatArray, known: KnownRuns, settings: SearchS
         if noise.is_clear:
             break
     steps = np.full(starts.shape[1], noise.step)
-    searches: dict[int, Callable[[], LinearModel | None]] = {
-        number: partial(_minimum, known, steps, noise, settings, start)
-        for number, start in enumerate(starts)
-    }
-    ended = yield from _advance_together(known, searches, settings.at_most)
+
+    def descend(start: FloatArray) -> LinearModel | None:
+        return _Descent(known, steps, noise).minimum(start)
+
+    searches = {number: partial(descend, start) for number, start in enumerate(starts)}
+    ended = yield from _advance_together(known, searches)
     flat = [
         {*np.flatnonzero(~at.jacobian.any(axis=0)).tolist()}
         for number, at in ended.items()
@@ -505,23 +494,23 @@ def search_least_squares(starts: FloatArray, known: KnownRuns, settings: SearchS
     ]
     if len(flat) == len(starts) and (everywhere := set.intersection(*flat)):
         return SearchEnd(everywhere, ended)
-    found = [each for each in ended.values() if each is not None and each.is_minimum(settings)]
-    if settings.level and found:
+    found = [each for each in ended.values() if each is not None and each.is_minimum]
+    if known.settings.level and found:
         least = min(found, key=lambda each: each.sum_of_squares)
-        finer = np.minimum(steps, noise.finer_steps(least, settings))
-        chains: dict[int, Callable[[], LinearModel | None]] = {
+        finer = noise.finer_steps(steps, least)
+        chains = {
             len(starts) + 2 * axis + (side > 0): partial(
-                _follow_profile, known, finer, least, axis, side, settings
+                _follow_profile, known, finer, least, axis, side
             )
             for axis in range(starts.shape[1])
             for side in (-1, 1)
         }
-        yield from _advance_together(known, chains, settings.at_most)
+        yield from _advance_together(known, chains)
     return SearchEnd(set(), ended)
 
 
 def _advance_together(
-    known: KnownRuns, searches: Mapping[int, Callable[[], LinearModel | None]], at_most: int
+    known: KnownRuns, searches: Mapping[int, Callable[[], LinearModel | None]]
 ) -> Generator[LeastSquaresPoints, FloatArray, dict[int, LinearModel | None]]:
     """Yield the points that searches lack, all in one round; return where those that ended did."""
     ended: dict[int, LinearModel | None] = {}
@@ -536,7 +525,7 @@ def _advance_together(
                 for point, axis in missing.points:
                     row = point, number, axis, missing.around
                     wanted.setdefault(point.tobytes(), row)
-        if not wanted or known.runs + len(wanted) > at_most:
+        if not wanted or known.runs + len(wanted) > known.settings.at_most:
             break
         numbers = known.numbers | {key: known.runs + place for place, key in enumerate(wanted)}
         rows = [*wanted.values()]
@@ -550,23 +539,11 @@ def _advance_together(
     return ended
 
 
-def _minimum(
-    known: KnownRuns,
-    steps: FloatArray,
-    noise: ModelNoise,
-    settings: SearchSettings,
-    start: FloatArray,
-) -> LinearModel | None:
-    return _Descent(known, steps, noise, settings).minimum(start)
-
-
 class _Descent:
     """Search from a start, made from the runs so far: where they do not suffice, it is missing."""
 
-    def __init__(
-        self, known: KnownRuns, steps: FloatArray, noise: ModelNoise, settings: SearchSettings
-    ) -> None:
-        self._known, self._steps, self._noise, self._settings = known, steps, noise, settings
+    def __init__(self, known: KnownRuns, steps: FloatArray, noise: ModelNoise) -> None:
+        self._known, self._steps, self._noise = known, steps, noise
         self._last: LinearModel | None = None
 
     def minimum(self, start: FloatArray) -> LinearModel | None:
@@ -583,7 +560,7 @@ class _Descent:
             for _ in range(_MOST_REFINEMENTS):
                 last, is_at_end = self._descended(last)
                 self._noise = self._noise_near(last)
-                finer = np.minimum(self._steps, self._noise.finer_steps(last, self._settings))
+                finer = self._noise.finer_steps(self._steps, last)
                 if not is_at_end or (finer >= self._steps / 2).all():
                     break
                 self._steps = finer
@@ -610,15 +587,18 @@ class _Descent:
 
     def _noise_near(self, at: LinearModel) -> ModelNoise:
         """Return the noise at a point, measured there where it is large enough to matter."""
-        scale = at.scale(errors_are_known=self._settings.errors_are_known)
         found = self._noise
-        if not found.size > _NOTICEABLE * scale:
+        if not found.size > _NOTICEABLE * at.scale:
             return found
-        errors = np.minimum(scale * at.standard_errors, 1.0)
+        errors = np.minimum(at.scale * at.standard_errors, 1.0)
         for distance in _DISTANCES:
             line = at.point + errors * noise_line(len(at.point), distance)
             inside = np.clip(line, self._known.lower, self._known.upper)
-            found = ModelNoise.of(self._known.line(at.point, inside), distance)
+            known = [self._known.residuals.get(each.tobytes()) for each in inside]
+            if any(each is None for each in known):
+                pairs = zip(inside, known, strict=True)
+                raise _Missing([(each, NOISE_AXIS) for each, run in pairs if run is None], at.point)
+            found = ModelNoise.of(np.array(known), distance)
             if found.is_clear:
                 break
         return self._noise if math.isnan(found.size) else found
@@ -636,26 +616,20 @@ class _Descent:
 
     def _derivatives(self, point: FloatArray) -> FloatArray:
         last = self._move_to(point)
-        self._end_within(last, last.newton_step[1], self._settings.precision)
+        self._end_within(last, last.newton_step[1], self._known.settings.precision)
         return last.jacobian
 
     def _end_within(self, at: LinearModel, length: float, part: float) -> None:
         """End the search where a step is this part of standard errors, or the noise hides it."""
-        scale = at.scale(errors_are_known=self._settings.errors_are_known)
-        if length <= max(part * scale, self._noise.hidden * math.sqrt(len(at.point))):
+        if length <= max(part * at.scale, self._noise.hidden * math.sqrt(len(at.point))):
             raise _Ended
 
 
 def _follow_profile(
-    known: KnownRuns,
-    steps: FloatArray,
-    least: LinearModel,
-    axis: int,
-    side: int,
-    settings: SearchSettings,
+    known: KnownRuns, steps: FloatArray, least: LinearModel, axis: int, side: int
 ) -> LinearModel | None:
     """Return the end of a profile; None where it is not found."""
-    at, level = least, profile_level(least, settings)
+    at, level = least, least.profile_level
     highest = least.sum_of_squares + _PROFILE_ROOM * (level - least.sum_of_squares)
     for _ in range(_PROFILE_STEPS):
         step = at.profile_step(level, axis, side)
@@ -675,13 +649,6 @@ def _follow_profile(
     return at
 
 
-def profile_level(least: LinearModel, settings: SearchSettings) -> float:
-    """Return the sum of squares at the ends of a profile-likelihood interval."""
-    scale = least.scale(errors_are_known=settings.errors_are_known)
-    freedom = least.jacobian.shape[0] - least.jacobian.shape[1]
-    return least.sum_of_squares + (settings.quantile(freedom) * scale) ** 2
-
-
 def is_profile_end(at: LinearModel, step: FloatArray, least: LinearModel, axis: int) -> bool:
     """Return whether the end of a profile is where the next step leads, which is a short one."""
     distance = abs(at.point[axis] + step[axis] - least.point[axis])
@@ -699,74 +666,49 @@ NO_RUN = -1
 _LARGEST_RESIDUAL = 1e100
 
 
-@dataclass(frozen=True, eq=False)
-class WeightedResiduals:
-    """Residuals of a model whose covariance is that at the results of one run."""
+def weighted_likelihood(
+    measured: Experiments, searched: LeastSquaresPoints, predicted: FloatArray, run: int
+) -> Likelihood:
+    """Return the likelihood of results whose errors have the covariance at those of one run.
 
-    likelihood: Likelihood
+    Parameters
+    ----------
+    measured : Experiments
+    searched : LeastSquaresPoints
+        The runs so far.
+    predicted : ndarray, shape (run, row)
+        Their results.
+    run : int
+        Its number; `NO_RUN` for the measured values in place of results.
+    """
+    sizes = np.array([each.scale for each in measured.sizes])
+    if run == NO_RUN:
+        return measured.likelihood(measured.covariance(measured.values, sizes))
+    at, (rows, dimension) = predicted[run], (predicted.shape[1], searched.points.shape[1])
+    of_run = (searched.origin == run) & (searched.axis >= dimension)
+    ends = predicted[of_run][: 2 * len(measured.moved)].reshape(-1, 2, rows)
+    completed = np.isfinite(ends)
+    # Of a failed run, the other one stands for both.
+    low, high = np.moveaxis(np.where(completed, ends, at), 1, 0)
+    slopes = (high - low) / np.where(completed.all(axis=1), 2, 1)
+    if measured.sizes and not measured.has_one_unknown_size:
+        # The sizes under which results are the likeliest, for the unknowns fitted.
+        def deviance(logarithms: FloatArray) -> float:
+            covariance = measured.covariance(at, np.exp(logarithms), slopes)
+            return -float(measured.likelihood(covariance).log_density(at[np.newaxis])[0])
 
-    @classmethod
-    def of(
-        cls,
-        measured: Experiments,
-        searched: LeastSquaresPoints,
-        predicted: FloatArray,
-        run: int,
-    ) -> WeightedResiduals:
-        """Return the residuals as the results of a run weight them.
-
-        Parameters
-        ----------
-        measured : Experiments
-        searched : LeastSquaresPoints
-            The runs so far.
-        predicted : ndarray, shape (run, row)
-            Their results.
-        run : int
-            Its number; `NO_RUN` for the measured values in place of results.
-        """
-        sizes = np.array([each.scale for each in measured.sizes])
-        if run == NO_RUN:
-            return cls(measured.likelihood(measured.covariance(measured.values, sizes)))
-        at, dimension = predicted[run], searched.points.shape[1]
-        slopes = np.zeros((len(measured.moved), predicted.shape[1]))
-        around = searched.origin == run
-        for place in range(len(slopes)):
-            ends = []
-            for side in (0, 1):
-                moved = np.flatnonzero(around & (searched.axis == dimension + 2 * place + side))
-                ends.append(predicted[moved[0]] if len(moved) else at)
-            # Of a failed run, the other one stands for both.
-            low, high = (np.where(np.isfinite(each), each, at) for each in ends)
-            both = np.isfinite(ends[0]) & np.isfinite(ends[1])
-            slopes[place] = (high - low) / np.where(both, 2, 1)
-        if measured.sizes and not measured.has_one_unknown_size:
-            sizes = _likeliest_sizes(measured, at, slopes, dimension)
-        return cls(measured.likelihood(measured.covariance(at, sizes, slopes)))
-
-    def __call__(self, predicted: FloatArray) -> FloatArray:
-        """Return whitened residuals, shape (run, residual); NaN where there is none to square."""
-        found = self.likelihood.residuals(predicted)
-        is_usable = (np.abs(found) < _LARGEST_RESIDUAL).all(axis=1, keepdims=True)
-        return np.where(is_usable, found, np.nan)
+        tolerances = {"xatol": 1e-6, "fatol": 1e-9}
+        with np.errstate(over="ignore"):
+            found = minimize(deviance, np.log(sizes), method="Nelder-Mead", options=tolerances)
+        sizes = np.exp(found.x) * math.sqrt(rows / max(rows - dimension, 1))
+    return measured.likelihood(measured.covariance(at, sizes, slopes))
 
 
-def _likeliest_sizes(
-    measured: Experiments, at: FloatArray, slopes: FloatArray, dimension: int
-) -> FloatArray:
-    """Return the sizes of errors under which results are the likeliest, for the unknowns fitted."""
-    first = np.log([each.scale for each in measured.sizes])
-
-    def deviance(logarithms: FloatArray) -> float:
-        covariance = measured.covariance(at, np.exp(logarithms), slopes)
-        return -float(measured.likelihood(covariance).log_density(at[np.newaxis])[0])
-
-    with np.errstate(over="ignore"):
-        found = minimize(
-            deviance, first, method="Nelder-Mead", options={"xatol": 1e-6, "fatol": 1e-9}
-        )
-    rows = len(measured.values)
-    return np.exp(found.x) * math.sqrt(rows / max(rows - dimension, 1))
+def usable_residuals(likelihood: Likelihood, predicted: FloatArray) -> FloatArray:
+    """Return whitened residuals, shape (run, residual); NaN where there is none to square."""
+    found = likelihood.residuals(predicted)
+    is_usable = (np.abs(found) < _LARGEST_RESIDUAL).all(axis=1, keepdims=True)
+    return np.where(is_usable, found, np.nan)
 
 
 def search_experiments(
@@ -797,53 +739,53 @@ def search_experiments(
     ----------
     Seber, G. A. F. & Wild, C. J. (2003). Nonlinear Regression, section 2.8. Wiley.
     """
-    made: list[LeastSquaresPoints] = []
-    predicted = np.empty((0, len(measured.values)))
-    run = NO_RUN
+    rounds: list[tuple[LeastSquaresPoints, FloatArray]] = []  # with the results
+    moved, run = len(measured.moved), NO_RUN
     reached: list[FloatArray] = []  # minima so far
     is_weighted = measured.has_fixed_errors
     if not is_weighted:
-        asked = LeastSquaresPoints.around(starts[0], 0, len(measured.moved), with_point=True)
-        made, predicted = [asked], (yield asked, NO_RUN)
-        run = NO_RUN if np.isnan(predicted[0]).any() else 0
+        asked = LeastSquaresPoints.around(starts[0], 0, moved, with_point=True)
+        rounds.append((asked, (yield asked, NO_RUN)))
+        run = NO_RUN if np.isnan(rounds[0][1][0]).any() else 0
     while True:
-        whole = LeastSquaresPoints.joined(made, starts.shape[1])
-        residuals = WeightedResiduals.of(measured, whole, predicted, run)
-        known = KnownRuns(lower, upper)
-        known.add(whole, residuals(predicted))
+        whole = LeastSquaresPoints.joined((each for each, _ in rounds), starts.shape[1])
+        predicted = np.concatenate([np.empty((0, len(measured.values))), *(y for _, y in rounds)])
+        likelihood = weighted_likelihood(measured, whole, predicted, run)
         # Ends of profiles are looked for once, and weights are good to a part of a standard error.
         stage = settings
         if not measured.has_fixed_errors:
             level, part = (settings.level, 0.1) if is_weighted else (0.0, 1.0)
             stage = replace(settings, level=level, precision=part * _WEIGHED)
-        search = search_least_squares(starts, known, stage)
+        known = KnownRuns(lower, upper, stage)
+        known.add(whole, usable_residuals(likelihood, predicted))
+        search = search_least_squares(starts, known)
         try:
             asked = next(search)
             while True:
-                results = yield asked, run
-                made.append(asked)
-                predicted = np.concatenate([predicted, results])
+                rounds.append((asked, (yield asked, run)))
                 with one_blas_thread():
-                    asked = search.send(residuals(results))
+                    asked = search.send(usable_residuals(likelihood, rounds[-1][1]))
         except StopIteration as stopped:
             ended: SearchEnd = stopped.value
         found = [each for each in ended.minima.values() if each is not None]
         if is_weighted or ended.flat or not found:
             return ended.flat
         least = min(found, key=lambda each: each.sum_of_squares)
-        stays = any(least.is_near(each, _WEIGHED) for each in reached[-1:])
+        near = _WEIGHED * least.standard_errors
+        stays = any((np.abs(least.point - each) < near).all() for each in reached[-1:])
         if is_weighted := stays or len(reached) == _MOST_WEIGHTS:
             continue
         reached.append(least.point)
         run = known.numbers[least.point.tobytes()]
-        starts = ended.next_starts(starts)
-        if moved := len(measured.moved):
+        # Searches go on where they have ended, or else begin again.
+        lasts = [ended.minima.get(number) for number in range(len(starts))]
+        pairs = zip(starts, lasts, strict=True)
+        starts = np.array([start if at is None else at.point for start, at in pairs])
+        if moved:
             if known.runs + 2 * moved > settings.at_most:
                 return set()
             asked = LeastSquaresPoints.around(least.point, run, moved)
-            results = yield asked, run
-            made.append(asked)
-            predicted = np.concatenate([predicted, results])
+            rounds.append((asked, (yield asked, run)))
 
 
 # The design: the unknowns of a study, and the points of its search.
@@ -871,17 +813,15 @@ class Unknowns:
     def of(cls, joint: JointDistribution, names: tuple[str, ...]) -> Unknowns:
         """Return the coordinates of some random inputs."""
         entries = {each.variable.name: each for each in joint.random}
-        rows = [cls._row(entries[name]) for name in names]
-        median, std, lower, upper = np.array(rows).T
-        inside = (lower - median) / std + _INSIDE, (upper - median) / std - _INSIDE
+        rows = []
+        for entry in (entries[name] for name in names):
+            prior, possible = entry.distribution, entry.variable.bounds
+            lower = max(float(prior.ppf(np.array(_OUTSIDE / 2))), possible.lower)
+            upper = min(float(prior.isf(np.array(_OUTSIDE / 2))), possible.upper)
+            rows.append((entry.nominal, prior_scale(entry), lower, upper))
+        median, std, lowest, highest = np.array(rows).T
+        inside = (lowest - median) / std + _INSIDE, (highest - median) / std - _INSIDE
         return cls(names, median, std, *inside)
-
-    @staticmethod
-    def _row(entry: RandomInput) -> tuple[float, ...]:
-        prior, possible = entry.distribution, entry.variable.bounds
-        lower = max(float(prior.ppf(np.array(_OUTSIDE / 2))), possible.lower)
-        upper = min(float(prior.isf(np.array(_OUTSIDE / 2))), possible.upper)
-        return entry.nominal, prior_scale(entry), lower, upper
 
     def starts(self, joint: JointDistribution, number: int, stream: Stream) -> FloatArray:
         """Return the medians and, beside them, Sobol' points of the box of the priors."""
@@ -900,9 +840,10 @@ class Unknowns:
         working: FloatArray = (values - self.median) / self.std
         return working
 
-    def values(self, working: FloatArray) -> dict[str, FloatArray]:
-        """Return the inputs' values in SI units, shape (run,)."""
-        return dict(zip(self.names, (self.median + self.std * working).T, strict=True))
+    def in_si(self, working: FloatArray) -> FloatArray:
+        """Return values in SI units, along a last axis of unknowns."""
+        values: FloatArray = self.median + self.std * working
+        return values
 
 
 # Probability below one standard deviation of a normal distribution.
@@ -966,14 +907,12 @@ class LeastSquares(LimitedMeasuredDesign):
     def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
         measured = self.experiments
         unknowns = Unknowns.of(joint, measured.unknown)
-        nominal = joint.nominal()
         entries = {each.variable.name: each for each in joint.random}
-        others = {name: nominal[name] for name in entries}
-        stds = {name: prior_scale(entries[name]) for name in measured.moved if name in entries}
-        middles = {
-            name: measured.moved_inputs(name, others, stds.get(name, 0.0))
-            for name in measured.moved
-        }
+        others = {name: joint.nominal()[name] for name in entries}
+        middles = {}
+        for name in measured.moved:
+            std_over_all = prior_scale(entries[name]) if name in entries else 0.0
+            middles[name] = measured.moved_inputs(name, others, std_over_all)
         starts = unknowns.starts(joint, self.starts, stream)
         search = search_experiments(starts, unknowns.lower, unknowns.upper, self.settings, measured)
         described = {MEASURED: measured.name, SEARCH_STARTS: len(starts)}
@@ -981,24 +920,23 @@ class LeastSquares(LimitedMeasuredDesign):
         made = 0
         while True:
             size = len(asked.points)
-            draws = unknowns.values(asked.points)
+            draws = dict(zip(unknowns.names, unknowns.in_si(asked.points).T, strict=True))
             for place, (name, (middle, std)) in enumerate(middles.items()):
-                side = (asked.axis == len(unknowns.names) + 2 * place + 1).astype(float)
-                side -= asked.axis == len(unknowns.names) + 2 * place
+                lowered = len(unknowns.names) + 2 * place
+                side = (asked.axis == lowered + 1).astype(float) - (asked.axis == lowered)
                 draws[name] = middle + np.multiply.outer(side, std)
-            numbers = np.arange(made, made + size)
-            made += size
             of_points: dict[str, Any] = {
                 SEARCH_START: asked.start,
                 SEARCH_ORIGIN: asked.origin,
                 MOVED_AXIS: asked.axis,
                 WEIGHTED_AT: np.full(size, weighted_at),
-                DRAW: numbers,
+                DRAW: np.arange(made, made + size),
             }
             coordinates = {
                 **{name: np.repeat(values, measured.count) for name, values in of_points.items()},
                 EXPERIMENT: np.tile(np.arange(measured.count), size),
             }
+            made += size
             inputs = measured.inputs(draws, others)
             points = points_dataset(joint, inputs, coordinates, runs=size * measured.count)
             feedback = yield points.assign_attrs(described)

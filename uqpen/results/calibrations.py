@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
+from uqpen.archive.estimates import UnpackedStatistics
 from uqpen.archive.groups import group_names, read_group
 from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import (
     BLANK_ROW,
     BOUND,
     CALIBRATIONS,
-    COMBINATION,
     DISCREPANCY,
     EXPERIMENT,
     MEASURED,
+    MEASURED_ROW,
     PROBABILITY,
     RUNS,
     UNKNOWN,
@@ -31,12 +32,16 @@ from uqpen.results.texts import capitalized, unit_suffix
 from uqpen.results.validations import UNLIKELY, MeasuredRows
 
 
-def calibration_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
-    """Yield the tables of each search for least squares and each posterior of a model."""
+def _calibrations(tree: xr.DataTree) -> Iterator[tuple[str, UnpackedStatistics, xr.Dataset]]:
+    """Yield the designs that teach unknowns, each with what its runs say, and the runs."""
     statistics = SourceStatistics(tree)
     for design in group_names(tree, CALIBRATIONS):
-        found = statistics.of_runs(CALIBRATIONS, design)
-        runs = read_group(tree, RUNS, design)
+        yield design, statistics.of_runs(CALIBRATIONS, design), read_group(tree, RUNS, design)
+
+
+def calibration_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
+    """Yield the tables of each search for least squares and each posterior of a model."""
+    for design, found, runs in _calibrations(tree):
         if "posterior_mean" in found:
             yield _posterior_table(design, found, runs)
         if "prediction" in found:
@@ -48,13 +53,24 @@ def calibration_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
             yield table
 
 
+def fitted_rows(tree: xr.DataTree) -> Iterator[MeasuredRows]:
+    """Yield the rows of each output that unknown inputs were taught by."""
+    for design, found, runs in _calibrations(tree):
+        if "measured" not in found:
+            continue
+        outputs = found["measured_output"].values
+        for output in dict.fromkeys(outputs.tolist()):
+            own = {MEASURED_ROW: np.flatnonzero(outputs == output)}
+            rows = {
+                name: array.isel(own) for name, array in found.items() if MEASURED_ROW in array.dims
+            }
+            yield MeasuredRows(design, str(output), rows, runs)
+
+
 def posterior_statements(tree: xr.DataTree) -> Iterator[tuple[str, str]]:
     """Yield what each posterior says, below a head of a few words."""
-    statistics = SourceStatistics(tree)
-    for design in group_names(tree, CALIBRATIONS):
-        found = statistics.of_runs(CALIBRATIONS, design)
+    for design, found, runs in _calibrations(tree):
         if "posterior_mean" in found:
-            runs = read_group(tree, RUNS, design)
             sentences = [*_posterior_sentences(found, runs)]
             if DISCREPANCY in runs.attrs and "posterior_std" in found:
                 sentences.append(_discrepancy_sentence(tree, found, runs.attrs))
@@ -66,12 +82,9 @@ def _discrepancy_sentence(
 ) -> str:
     """Return what an error of the model itself means for the unknowns."""
     text = f"The model may have an error of its own: {attributes[DISCREPANCY]}."
-    statistics = SourceStatistics(tree)
-    for design in group_names(tree, CALIBRATIONS):
-        other = statistics.of_runs(CALIBRATIONS, design)
-        described = read_group(tree, RUNS, design).attrs
-        is_without = DISCREPANCY not in described and "posterior_std" in other
-        if not is_without or described[MEASURED] != attributes[MEASURED]:
+    for design, other, runs in _calibrations(tree):
+        is_without = DISCREPANCY not in runs.attrs and "posterior_std" in other
+        if not is_without or runs.attrs[MEASURED] != attributes[MEASURED]:
             continue
         moved = []
         for name in other["posterior_mean"][UNKNOWN].values.tolist():
@@ -119,13 +132,10 @@ def _posterior_sentences(found: Mapping[str, xr.DataArray], runs: xr.Dataset) ->
             continue
         like = str(found["unit_like"].values[place])
         unit, convert = unknown_unit(name, like, runs)
-        at = {UNKNOWN: place}
-        ends = [
-            float(found["posterior_quantile"][at].sel({PROBABILITY: each}).values[0])
-            for each in _QUANTILES.values()
-        ]
-        texts = [float(convert(np.array(each))) for each in (mean.values[place, 0], *ends)]
-        taught.append(f"{name} = {estimate_text(*texts)}{unit_suffix(unit)}")
+        quantiles = found["posterior_quantile"][{UNKNOWN: place}]
+        ends = (quantiles.sel({PROBABILITY: each}).values[0] for each in _QUANTILES.values())
+        shown = [float(convert(each)) for each in (mean.values[place, 0], *ends)]
+        taught.append(f"{name} = {estimate_text(*shown)}{unit_suffix(unit)}")
     if taught:
         yield f"The measurements of {runs.attrs[MEASURED]} leave {', '.join(taught)} (95 %)."
     if rest:
@@ -150,11 +160,8 @@ def _verdict(found: Mapping[str, xr.DataArray]) -> str:
 
 def fit_statements(tree: xr.DataTree) -> Iterator[tuple[str, str]]:
     """Yield what each search for least squares says, below a head of a few words."""
-    statistics = SourceStatistics(tree)
-    for design in group_names(tree, CALIBRATIONS):
-        found = statistics.of_runs(CALIBRATIONS, design)
+    for design, found, runs in _calibrations(tree):
         if "unknown_value" in found:
-            runs = read_group(tree, RUNS, design)
             yield design, " ".join(_fit_sentences(found, runs))
 
 
@@ -183,10 +190,7 @@ def _fit_sentences(found: Mapping[str, xr.DataArray], runs: xr.Dataset) -> Itera
         yield f"They say nothing on {', '.join(rest)} alone."
         error = float(found["combination_error"][0])
         if error < 1 - _HARDLY_LEARNT and len(names) > 1:
-            # Its module loads the search, which an archive without one does not need.
-            from uqpen.statistics.calibration import Combination
-
-            text = Combination(found["combination_weight"].values[0], error).text(names)
+            text = combination_text(found["combination_weight"].values[0], names)
             yield (
                 f"The combination {text}, each in standard deviations of its prior, is known to "
                 f"{number_text(error, 2)}."
@@ -197,6 +201,27 @@ def _fit_sentences(found: Mapping[str, xr.DataArray], runs: xr.Dataset) -> Itera
             f"The residuals follow each other (lag-1 correlation {number_text(correlation, 2)}): "
             "the model lacks something, or errors that are stated as independent are not."
         )
+
+
+# Parts of a combination that are not written.
+_SMALL_PART = 0.05
+
+
+def combination_text(weights: FloatArray, names: Sequence[str]) -> str:
+    """Return a combination of unknowns as a formula, the largest part first.
+
+    >>> combination_text(np.array([-0.8, 0.6]), ["rate", "limit"])
+    '0.80 rate - 0.60 limit'
+    """
+    order = np.argsort(-np.abs(weights), kind="stable")
+    shown = [at for at in order.tolist() if abs(weights[at]) >= _SMALL_PART]
+    sign = math.copysign(1.0, weights[shown[0]])
+    text = ""
+    for at in shown:
+        weight = sign * weights[at]
+        link = (" - " if weight < 0 else " + ") if text else ""
+        text += f"{link}{abs(weight):.2f} {names[at]}"
+    return text
 
 
 def unknown_unit(
@@ -214,26 +239,27 @@ def _posterior_table(
     beside = ["by the surrogate", "its sd"] if is_weighted else ["R-hat", "effective draws"]
     columns = ["mean", "sd", *_QUANTILES, "prior sd", "learnt", *beside]
     table = OutputTable(f"{design}: posterior", columns)
-    names = found["posterior_mean"][UNKNOWN].values.tolist()
-    for place, name in enumerate(names):
-        at = {UNKNOWN: place}
+    for place, mean in enumerate(found["posterior_mean"]):
+        name, at = str(mean[UNKNOWN].item()), {UNKNOWN: place}
         unit, convert = unknown_unit(name, str(found["unit_like"].values[place]), runs)
-        shown = scale(unit)
-        cells = [table.cell(found["posterior_mean"][at], convert)]
-        if "posterior_std" in found:
-            cells.append(table.cell(found["posterior_std"][at], shown.difference_from_si))
-            for probability in _QUANTILES.values():
-                quantile = found["posterior_quantile"][at].sel({PROBABILITY: probability})
-                cells.append(table.cell(quantile, convert))
-            prior = shown.difference_from_si(found["prior_std"].values[place])
-            cells += [number_text(float(prior)), f"{max(float(found['learnt'][at]), 0.0):.1%}"]
+        difference = scale(unit).difference_from_si
+        cells = [table.cell(mean, convert)]
+        if "posterior_std" not in found:
+            cells += [NOTHING] * (len(columns) - 1)
+        else:
+            quantiles = found["posterior_quantile"][at]
+            cells.append(table.cell(found["posterior_std"][at], difference))
+            cells += [
+                table.cell(quantiles.sel({PROBABILITY: each}), convert)
+                for each in _QUANTILES.values()
+            ]
+            cells.append(number_text(float(difference(found["prior_std"].values[place]))))
+            cells.append(f"{max(float(found['learnt'][at]), 0.0):.1%}")
             if is_weighted:
                 cells.append(table.cell(found["surrogate_mean"][at], convert))
-                cells.append(table.cell(found["surrogate_std"][at], shown.difference_from_si))
+                cells.append(table.cell(found["surrogate_std"][at], difference))
             else:
                 cells += [number_text(float(found[key][at])) for key in ("rhat", "effective_draws")]
-        else:
-            cells += [NOTHING] * (len(columns) - 1)
         table.rows.append((label_with_unit(name, unit), cells))
     return table
 
@@ -272,15 +298,12 @@ def _unknowns_table(
     for place, name in enumerate(names):
         unit = shown_unit(runs[name].attrs)
         shown = scale(unit)
-        error, prior = (float(found[key][place]) for key in ("standard_error", "prior_std"))
-        differences = [float(shown.difference_from_si(np.array(each))) for each in (error, prior)]
+        errors = [float(found[key][place]) for key in ("standard_error", "prior_std")]
+        estimates = [found[key][place] for key in ("unknown_value", "profile_value")]
         cells = [
-            *(
-                table.cell(found[key][place], shown.from_si)
-                for key in ("unknown_value", "profile_value")
-            ),
-            *map(number_text, differences),
-            f"{max(1 - error / prior, 0.0):.1%}" if np.isfinite(error) else NOTHING,
+            *(table.cell(each, shown.from_si) for each in estimates),
+            *(number_text(float(shown.difference_from_si(each))) for each in errors),
+            f"{max(1 - errors[0] / errors[1], 0.0):.1%}" if np.isfinite(errors[0]) else NOTHING,
         ]
         table.rows.append((label_with_unit(name, unit), cells))
     return table
@@ -289,15 +312,11 @@ def _unknowns_table(
 def _combinations_table(design: str, found: Mapping[str, xr.DataArray]) -> OutputTable:
     table = OutputTable(f"{design}: what the data teach", ["known to", "learnt"])
     table.columns[0] += table.note_mark("in standard deviations of the priors")
-    # Its module loads the search, which an archive without one does not need.
-    from uqpen.statistics.calibration import Combination
-
-    weights, errors = found["combination_weight"], found["combination_error"]
+    weights = found["combination_weight"]
     names = weights[UNKNOWN].values.tolist()
-    for place in range(weights.sizes[COMBINATION]):
-        each = Combination(weights.values[place], float(errors[place]))
-        learnt = "yes" if each.standard_error < 1 else "no: no more than the prior says"
-        table.rows.append((each.text(names), [number_text(each.standard_error), learnt]))
+    for each, error in zip(weights.values, found["combination_error"].values.tolist(), strict=True):
+        learnt = "yes" if error < 1 else "no: no more than the prior says"
+        table.rows.append((combination_text(each, names), [number_text(error), learnt]))
     return table
 
 
@@ -306,8 +325,8 @@ def _fit_table(design: str, found: Mapping[str, xr.DataArray]) -> OutputTable:
     for name, array in found.items():
         title = str(array.attrs.get("long_name", name))
         if not array.dims:
-            value = float(array)
-            table.rows.append((title, [number_text(value) if np.isfinite(value) else NOTHING]))
+            text = number_text(float(array)) if np.isfinite(array) else NOTHING
+            table.rows.append((title, [text]))
         elif array.dims == (BOUND,):
             table.rows.append((title, [table.cell(array)]))
     return table

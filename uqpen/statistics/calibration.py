@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -37,13 +36,12 @@ from uqpen.designs.least_squares import (
     ModelNoise,
     SearchSettings,
     Unknowns,
-    WeightedResiduals,
     difference_quotient,
     is_profile_end,
-    profile_level,
+    usable_residuals,
+    weighted_likelihood,
 )
 from uqpen.distributions.joint_distribution import JointDistribution
-from uqpen.measurements import Experiments
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
 
@@ -72,10 +70,20 @@ class SearchRuns:
 
     def models(self, start: int) -> list[LinearModel]:
         """Return the points of a search at which all derivatives are known."""
-        of_search = (self.searched.start == start) & (self.searched.axis == NO_AXIS)
-        completed = np.isfinite(self.residuals).all(axis=1)
-        found = map(self._model, np.flatnonzero(of_search & completed).tolist())
-        return [each for each in found if each is not None]
+        points, axes, residuals = self.searched.points, self.searched.axis, self.residuals
+        completed = np.isfinite(residuals).all(axis=1)
+        found = []
+        for run in np.flatnonzero((self.searched.start == start) & (axes == NO_AXIS) & completed):
+            quotients = []
+            for axis in range(points.shape[1]):
+                moved = (self.searched.origin == run) & (axes == axis)
+                offsets = points[moved, axis] - points[run, axis]
+                quotients.append(difference_quotient(residuals[run], residuals[moved], offsets))
+            columns = [each for each in quotients if each is not None]
+            if len(columns) == len(quotients):
+                at = points[run], residuals[run], np.stack(columns, axis=1)
+                found.append(LinearModel(*at, self.lower, self.upper, self.settings))
+        return found
 
     def minimum(self, start: int) -> LinearModel | None:
         """Return the point where a search has ended: of those that are as low, the flattest."""
@@ -83,7 +91,7 @@ class SearchRuns:
         if not models:
             return None
         least = min(models, key=lambda each: each.sum_of_squares)
-        as_low = least.sum_of_squares + _AS_LOW * self.variance(least)
+        as_low = least.sum_of_squares + _AS_LOW * least.scale**2
         lowest = [each for each in models if each.sum_of_squares <= as_low]
         return min(lowest, key=lambda each: each.newton_step[1])
 
@@ -96,49 +104,6 @@ class SearchRuns:
         line = slice(first + NOISE_RUNS * (lines - 1), first + NOISE_RUNS * lines)
         first, second = self.searched.points[line][:2]
         return ModelNoise.of(self.residuals[line], float(np.linalg.norm(second - first)))
-
-    def variance(self, at: LinearModel) -> float:
-        """Return the variance of a residual: 1 where errors are known."""
-        return at.scale(errors_are_known=self.settings.errors_are_known) ** 2
-
-    def _model(self, run: int) -> LinearModel | None:
-        points, columns = self.searched.points, list[FloatArray]()
-        around = self.searched.origin == run
-        for axis in range(points.shape[1]):
-            moved = around & (self.searched.axis == axis)
-            offsets = points[moved, axis] - points[run, axis]
-            quotient = difference_quotient(self.residuals[run], self.residuals[moved], offsets)
-            if quotient is None:
-                return None
-            columns.append(quotient)
-        jacobian = np.stack(columns, axis=1)
-        return LinearModel(points[run], self.residuals[run], jacobian, self.lower, self.upper)
-
-
-class Combination(NamedTuple):
-    """Combination of unknowns, each in standard deviations of its prior."""
-
-    weights: FloatArray  # (unknown,): their squares have the sum 1
-    standard_error: float  # in the same unit: 1 or more is no more than the prior says
-
-    def text(self, names: Sequence[str]) -> str:
-        """Return it as a formula, the largest part first.
-
-        >>> Combination(np.array([-0.8, 0.6]), 0.1).text(["rate", "limit"])
-        '0.80 rate - 0.60 limit'
-        """
-        order = np.argsort(-np.abs(self.weights), kind="stable")
-        shown = [at for at in order.tolist() if abs(self.weights[at]) >= _SMALL_PART]
-        sign = math.copysign(1.0, self.weights[shown[0]])
-        text = ""
-        for at in shown:
-            weight = sign * self.weights[at]
-            link = (" - " if weight < 0 else " + ") if text else ""
-            text += f"{link}{abs(weight):.2f} {names[at]}"
-        return text
-
-
-_SMALL_PART = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,17 +126,11 @@ class FittedUnknowns:
         return cls(runs, min(minima, key=lambda each: each.sum_of_squares), level)
 
     @property
-    def degrees_of_freedom(self) -> int:
-        """Number of residuals beyond that of the unknowns."""
-        residuals, unknowns = self.at.jacobian.shape
-        return residuals - unknowns
-
-    @property
     def scale(self) -> float:
         """Standard deviation of a residual; NaN where it is neither stated nor can be estimated."""
-        if not self.runs.settings.errors_are_known and self.degrees_of_freedom < 1:
+        if not self.runs.settings.errors_are_known and self.at.freedom < 1:
             return math.nan
-        return math.sqrt(self.runs.variance(self.at))
+        return self.at.scale
 
     @property
     def next_step(self) -> float:
@@ -181,7 +140,7 @@ class FittedUnknowns:
     @property
     def has_converged(self) -> bool:
         """True where the next step is short beside the standard errors."""
-        return self.at.is_minimum(self.runs.settings)
+        return self.at.is_minimum
 
     @cached_property
     def covariance(self) -> FloatArray:
@@ -208,7 +167,7 @@ class FittedUnknowns:
     @property
     def quantile(self) -> float:
         """Half-width of an interval in standard errors: normal where errors are known, else t."""
-        return replace(self.runs.settings, level=self.level).quantile(self.degrees_of_freedom)
+        return self.runs.settings.quantile(self.level, self.at.freedom)
 
     @cached_property
     def _singular(self) -> tuple[FloatArray, FloatArray]:
@@ -216,30 +175,32 @@ class FittedUnknowns:
         return values, right
 
     @property
-    def combinations(self) -> list[Combination]:
-        """Combinations that are known independently of each other, the best known first."""
+    def combinations(self) -> tuple[FloatArray, FloatArray]:
+        """Combinations that are known independently of each other, the best known first.
+
+        Returns
+        -------
+        weights : ndarray, shape (combination, unknown)
+            Of the unknowns in standard deviations of their priors; their squares have the sum 1.
+        errors : ndarray, shape (combination,)
+            Standard errors in the same unit: 1 or more is no more than the prior says.
+        """
         values, right = self._singular
         with np.errstate(divide="ignore"):
-            errors = self.scale / values
-        return [Combination(*each) for each in zip(right, errors.tolist(), strict=True)]
+            return right, self.scale / values
 
     @property
     def p_value(self) -> float:
         """Probability of a larger sum of squares, if the model and the stated errors are right."""
-        if not self.runs.settings.errors_are_known or self.degrees_of_freedom < 1:
+        if not self.runs.settings.errors_are_known or self.at.freedom < 1:
             return math.nan
-        return float(scipy.special.chdtrc(self.degrees_of_freedom, self.at.sum_of_squares))
+        return float(scipy.special.chdtrc(self.at.freedom, self.at.sum_of_squares))
 
     @property
     def lag_1_correlation(self) -> float:
         """Correlation of each residual with the next."""
         residuals = self.at.residuals
         return float(residuals[1:] @ residuals[:-1]) / self.at.sum_of_squares
-
-    @property
-    def are_residuals_correlated(self) -> bool:
-        """True where the lag-1 correlation is beyond 2 / sqrt(n): one in 20 is so by chance."""
-        return abs(self.lag_1_correlation) > 2 / math.sqrt(len(self.at.residuals))
 
     @property
     def standardised_residuals(self) -> FloatArray:
@@ -253,11 +214,10 @@ class FittedUnknowns:
     def profile_bounds(self, axis: int) -> tuple[float, float]:
         """Return the ends of the profile-likelihood interval of an unknown; NaN where not found."""
         ends = []
-        level = profile_level(self.at, self.runs.settings)
         for side in (-1, 1):
             found = math.nan
             for model in self.runs.models(self.runs.starts + 2 * axis + (side > 0)):
-                step = model.profile_step(level, axis, side)
+                step = model.profile_step(self.at.profile_level, axis, side)
                 if step is not None and is_profile_end(model, step, self.at, axis):
                     found = float(model.point[axis] + step[axis])
             ends.append(found)
@@ -265,60 +225,57 @@ class FittedUnknowns:
 
     def estimate(self, axis: int) -> Estimate:
         """Return an unknown with its interval by the linear model at the minimum."""
-        value, error = float(self.at.point[axis]), float(self.standard_errors[axis])
-        note = "" if self.has_converged else texts.NOT_CONVERGED.format(step=self.next_step)
-        if self.at.is_at_end(axis):
-            note = "; ".join(filter(None, (note, texts.AT_END_OF_PRIOR)))
-        if self.other_minima:
-            note = "; ".join(filter(None, (note, texts.OTHER_MINIMA)))
-        half = self.quantile * error
+        value, half = float(self.at.point[axis]), self.quantile * float(self.standard_errors[axis])
+        notes = (
+            "" if self.has_converged else texts.NOT_CONVERGED.format(step=self.next_step),
+            texts.AT_END_OF_PRIOR * self.at.is_at_end(axis),
+            texts.OTHER_MINIMA * bool(self.other_minima),
+        )
         if not math.isfinite(half):
-            return Estimate.without_bounds(value, texts.NOT_TAUGHT).with_note(note)
-        settings = self.runs.settings
-        is_normal = settings.errors_are_known and math.isinf(settings.freedom)
-        method = texts.LINEAR_NORMAL if is_normal else texts.LINEAR_STUDENT
-        if settings.errors_are_known and not is_normal:
-            method = texts.LINEAR_REPEATS.format(freedom=int(settings.freedom))
-        found = Estimate(value, value - half, value + half, method, "nominal", note)
-        apart = np.abs(np.subtract(self.profile_bounds(axis), (value - half, value + half)))
-        return found.with_note(texts.BENT if (apart > _BENT * half).any() else "")
+            return Estimate.without_bounds(value, texts.NOT_TAUGHT).with_note(*notes)
+        settings, method = self.runs.settings, texts.LINEAR_STUDENT
+        if settings.errors_are_known:
+            method = texts.LINEAR_NORMAL
+            if math.isfinite(settings.freedom):
+                method = texts.LINEAR_REPEATS.format(freedom=int(settings.freedom))
+        ends = value - half, value + half
+        is_bent = bool((np.abs(np.subtract(self.profile_bounds(axis), ends)) > _BENT * half).any())
+        found = Estimate(value, *ends, method, "nominal", "")
+        return found.with_note(*notes, texts.BENT * is_bent)
 
     def profile_estimate(self, axis: int) -> Estimate:
         """Return an unknown with its profile-likelihood interval, as far as it is known."""
         value, bounds = float(self.at.point[axis]), self.profile_bounds(axis)
-        if not self.runs.settings.level:
+        settings, unknowns = self.runs.settings, len(self.at.point)
+        if not settings.level:
             return Estimate.without_bounds(value, texts.NO_PROFILE_ASKED)
-        if not np.isfinite(bounds).all():
-            least = texts.NO_PROFILE_BUDGET.format(runs=self.runs.settings.at_most)
-            dear = len(self.runs.residuals) + self._profile_runs > self.runs.settings.at_most
-            return Estimate.without_bounds(value, least if dear else texts.NO_PROFILE_END)
-        return Estimate(value, *bounds, texts.PROFILE_LIKELIHOOD, "nominal", "")
+        if np.isfinite(bounds).all():
+            return Estimate(value, *bounds, texts.PROFILE_LIKELIHOOD, "nominal", "")
+        least = len(self.runs.residuals) + 2 * unknowns * (1 + 2 * unknowns)  # a step to each end
+        if least > settings.at_most:
+            too_dear = texts.NO_PROFILE_BUDGET.format(runs=settings.at_most)
+            return Estimate.without_bounds(value, too_dear)
+        return Estimate.without_bounds(value, texts.NO_PROFILE_END)
 
-    @property
-    def _profile_runs(self) -> int:
-        unknowns = len(self.at.point)
-        return 2 * unknowns * (1 + 2 * unknowns)
-
-    @property
+    @cached_property
     def other_minima(self) -> list[LinearModel]:
         """Other minima whose sum of squares is nearly as low, one for each place."""
-        variance, found = self.scale**2, [self.at]
+        highest, found = self.at.sum_of_squares + _COMPARABLE * self.scale**2, [self.at]
         for start in range(self.runs.starts):
             other = self.runs.minimum(start)
-            if other is None or not other.is_minimum(self.runs.settings):
+            if other is None or not other.is_minimum or other.sum_of_squares >= highest:
                 continue
-            if other.sum_of_squares - self.at.sum_of_squares >= _COMPARABLE * variance:
-                continue
-            distances = [_distance(each, other) for each in found]
-            if min(distances) > _SAME * self.scale:
+            # The change of the residuals by either linear model.
+            changes = [
+                max(
+                    np.linalg.norm(each.jacobian @ (one.point - other.point))
+                    for each in (one, other)
+                )
+                for one in found
+            ]
+            if min(changes) > _SAME * self.scale:
                 found.append(other)
         return found[1:]
-
-
-def _distance(one: LinearModel, other: LinearModel) -> float:
-    """Return how far two points are apart: the change of the residuals by either linear model."""
-    step = one.point - other.point
-    return float(max(np.linalg.norm(each.jacobian @ step) for each in (one, other)))
 
 
 # The statistics of an archive.
@@ -340,31 +297,28 @@ def fit_statistics(
     level : float
         Confidence level.
     """
-    measured = design.experiments
+    measured, settings = design.experiments, design.settings
     unknowns = Unknowns.of(joint, measured.unknown)
     values = np.stack([measured.drawn(runs, name) for name in unknowns.names], axis=-1)
     of_points = runs.isel({RUN: slice(0, None, measured.count)})
-    coordinates = (of_points[name].values for name in (SEARCH_START, SEARCH_ORIGIN, MOVED_AXIS))
-    points = LeastSquaresPoints(unknowns.working(values), *coordinates)
+    described = (of_points[name].values for name in (SEARCH_START, SEARCH_ORIGIN, MOVED_AXIS))
+    points = LeastSquaresPoints(unknowns.working(values), *described)
     predicted = measured.predicted(runs)
     weighted_at = int(of_points[WEIGHTED_AT].values[-1])
-    weighted = WeightedResiduals.of(measured, points, predicted, weighted_at)
-    searched = SearchRuns(
-        points,
-        weighted(predicted),
-        unknowns.lower,
-        unknowns.upper,
-        int(runs.attrs[SEARCH_STARTS]),
-        design.settings,
-    )
+    likelihood = weighted_likelihood(measured, points, predicted, weighted_at)
+    residuals, starts = usable_residuals(likelihood, predicted), int(runs.attrs[SEARCH_STARTS])
+    searched = SearchRuns(points, residuals, unknowns.lower, unknowns.upper, starts, settings)
     fitted = FittedUnknowns.of(searched, level)
     if fitted is None:
         return
-    yield from _row_statistics(measured, predicted, weighted, searched, fitted)
-    along = {UNKNOWN: [*unknowns.names]}
+    at_minimum = (points.points == fitted.at.point).all(axis=1) & (points.axis == NO_AXIS)
+    yield from measured.measured_rows(
+        measured_std=fitted.scale * np.sqrt(np.diag(likelihood.covariance)),
+        fitted=predicted[int(np.argmax(at_minimum))],
+    )
     diagnosis = {
         "sum_of_squares": fitted.at.sum_of_squares,
-        "degrees_of_freedom": float(fitted.degrees_of_freedom),
+        "degrees_of_freedom": float(fitted.at.freedom),
         "fit_p_value": fitted.p_value,
         "residual_std": fitted.scale,
         "residual_correlation": fitted.lag_1_correlation,
@@ -376,61 +330,38 @@ def fit_statistics(
     for name, value in diagnosis.items():
         title = CALIBRATION_STATISTICS[name].title
         yield name, xr.DataArray(value, attrs={"units": DIMENSIONLESS, "long_name": title})
-    estimates = [fitted.estimate(axis) for axis in range(len(unknowns.names))]
-    profiles = [fitted.profile_estimate(axis) for axis in range(len(unknowns.names))]
-    for name, found in (("unknown_value", estimates), ("profile_value", profiles)):
-        in_si = [
-            replace(
-                each,
-                **{
-                    bound: float(unknowns.median[axis] + unknowns.std[axis] * getattr(each, bound))
-                    for bound in ("value", "lower", "upper")
-                },
-            )
-            for axis, each in enumerate(found)
-        ]
-        own_level = level if name == "unknown_value" else design.settings.level
-        yield (
-            name,
-            Estimate.stack(
-                in_si,
-                UNKNOWN,
-                units=DIMENSIONLESS,
-                long_name="unknowns, each in its SI unit",
-                coordinates=along,
-                level=own_level or level,
-            ),
-        )
-    for name, numbers in (
-        ("standard_error", unknowns.std * fitted.standard_errors),
-        ("prior_std", unknowns.std),
+    for name, estimate, own_level in (
+        ("unknown_value", fitted.estimate, level),
+        ("profile_value", fitted.profile_estimate, settings.level or level),
     ):
-        yield name, xr.DataArray(numbers, along, (UNKNOWN,))
-    both = along | {OTHER_UNKNOWN: [*unknowns.names]}
-    yield "correlation", xr.DataArray(fitted.correlation, both, (UNKNOWN, OTHER_UNKNOWN))
-    combinations = fitted.combinations
-    numbered = {COMBINATION: np.arange(1, len(combinations) + 1)}
-    errors = np.array([each.standard_error for each in combinations])
-    yield "combination_error", xr.DataArray(errors, numbered, (COMBINATION,))
-    weights = np.array([each.weights for each in combinations])
-    yield "combination_weight", xr.DataArray(weights, numbered | along, (COMBINATION, UNKNOWN))
+        working = Estimate.stacked(map(estimate, range(len(unknowns.names))))
+        bounds = {
+            each: unknowns.in_si(getattr(working, each)) for each in ("value", "lower", "upper")
+        }
+        array = replace(working, **bounds).to_array(
+            UNKNOWN,
+            units=DIMENSIONLESS,
+            long_name="unknowns, each in its SI unit",
+            coordinates={UNKNOWN: [*unknowns.names]},
+            level=own_level,
+        )
+        yield name, array
+    weights, errors = fitted.combinations
     minima = [fitted.at, *fitted.other_minima]
-    numbered = {MINIMUM: np.arange(1, len(minima) + 1)}
-    sums = np.array([each.sum_of_squares for each in minima])
-    yield "minimum_sum_of_squares", xr.DataArray(sums, numbered, (MINIMUM,))
-    places = np.array([unknowns.median + unknowns.std * each.point for each in minima])
-    yield "minimum_value", xr.DataArray(places, numbered | along, (MINIMUM, UNKNOWN))
-
-
-def _row_statistics(
-    measured: Experiments,
-    predicted: FloatArray,
-    weighted: WeightedResiduals,
-    runs: SearchRuns,
-    fitted: FittedUnknowns,
-) -> Iterator[tuple[str, xr.DataArray]]:
-    """Yield the measured values, their errors about the model, and the model at the minimum."""
-    at_minimum = (runs.searched.points == fitted.at.point).all(axis=1)
-    run = int(np.flatnonzero(at_minimum & (runs.searched.axis == NO_AXIS))[0])
-    std = fitted.scale * np.sqrt(np.diag(weighted.likelihood.covariance))
-    yield from measured.measured_rows(measured_std=std, fitted=predicted[run])
+    coordinates = {
+        UNKNOWN: [*unknowns.names],
+        OTHER_UNKNOWN: [*unknowns.names],
+        COMBINATION: np.arange(1, len(errors) + 1),
+        MINIMUM: np.arange(1, len(minima) + 1),
+    }
+    places = unknowns.in_si(np.array([each.point for each in minima]))
+    for name, numbers, dims in (
+        ("standard_error", unknowns.std * fitted.standard_errors, [UNKNOWN]),
+        ("prior_std", unknowns.std, [UNKNOWN]),
+        ("correlation", fitted.correlation, [UNKNOWN, OTHER_UNKNOWN]),
+        ("combination_error", errors, [COMBINATION]),
+        ("combination_weight", weights, [COMBINATION, UNKNOWN]),
+        ("minimum_sum_of_squares", [each.sum_of_squares for each in minima], [MINIMUM]),
+        ("minimum_value", places, [MINIMUM, UNKNOWN]),
+    ):
+        yield name, xr.DataArray(numbers, {each: coordinates[each] for each in dims}, dims)
