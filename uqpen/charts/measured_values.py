@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,10 +14,10 @@ from uqpen.charts.marks import Band, Bars, Dots, Line, Mark, Points, Rule
 from uqpen.core.arrays import FloatArray, evenly_spread
 from uqpen.core.labels import CALIBRATIONS, RUNS, UNKNOWN
 from uqpen.results.archive_view import ArchiveView
-from uqpen.results.calibrations import unknown_unit
+from uqpen.results.calibrations import fitted_rows, unknown_unit
 from uqpen.results.digits import count_text, number_text
 from uqpen.results.texts import title_with_unit, unit_suffix
-from uqpen.results.validations import MeasuredRows, fitted_rows, measured_rows
+from uqpen.results.validations import MeasuredRows, measured_rows
 
 # Conditions that errors are drawn against, and experiments whose curves are drawn.
 _MOST_CONDITIONS, _MOST_CURVES = 3, 6
@@ -43,35 +44,35 @@ def measurement_charts(view: ArchiveView) -> Iterator[Charts]:
         yield _charts(view, of, model, spread, z)
 
 
+class _Unknown(NamedTuple):
+    """An unknown, the title of an axis along it, and its draws in the unit that is shown."""
+
+    name: str
+    title: str
+    prior: FloatArray
+    posterior: FloatArray
+
+
 def posterior_charts(view: ArchiveView) -> Iterator[Charts]:
     """Draws of each posterior beside those of its prior, and pairs."""
     for design in group_names(view.tree, CALIBRATIONS):
-        before, after = (
+        groups = [
             read_group(view.tree, CALIBRATIONS, design, name) for name in ("prior", "posterior")
-        )
-        if not after.data_vars:
+        ]
+        if not groups[-1].data_vars:
             continue
         runs = read_group(view.tree, RUNS, design)
-        likes = read_group(view.tree, CALIBRATIONS, design)["unit_like"]
-        prior, posterior, titles = {}, {}, {}
-        for like in likes[:_MOST_UNKNOWNS]:
+        found = []
+        for like in read_group(view.tree, CALIBRATIONS, design)["unit_like"][:_MOST_UNKNOWNS]:
             name = str(like[UNKNOWN].item())
             unit, convert = unknown_unit(name, str(like.item()), runs)
-            prior[name], posterior[name] = (
-                convert(np.asarray(each[name].values, dtype=np.float64).ravel())
-                for each in (before, after)
-            )
-            titles[name] = title_with_unit(name, unit)
-        charts = [
-            _prior_and_posterior(view, design, name, title, prior[name], posterior[name])
-            for name, title in titles.items()
-        ]
-        ranks = [np.argsort(np.argsort(each)) for each in posterior.values()]
+            draws = (convert(each[name].values.ravel()) for each in groups)
+            found.append(_Unknown(name, title_with_unit(name, unit), *draws))
+        charts = [_prior_and_posterior(view, design, each) for each in found]
+        ranks = [np.argsort(np.argsort(each.posterior)) for each in found]
         dependence = np.abs(np.atleast_2d(np.corrcoef(ranks)))
-        places = combinations(range(len(titles)), 2)
-        for pair in sorted(places, key=lambda pair: -dependence[pair])[:_MOST_PAIRS]:
-            named = tuple([*titles][place] for place in pair)
-            charts.append(_pair(view, design, named, titles, prior, posterior))
+        pairs = sorted(combinations(range(len(found)), 2), key=lambda pair: -dependence[pair])
+        charts += [_pair(view, design, found[n], found[m]) for n, m in pairs[:_MOST_PAIRS]]
         keys = (
             LegendKey("posterior", view.series(design), "bar"),
             LegendKey("prior", "quiet", "line"),
@@ -79,20 +80,13 @@ def posterior_charts(view: ArchiveView) -> Iterator[Charts]:
         yield Charts(tuple(charts), keys=keys)
 
 
-def _prior_and_posterior(
-    view: ArchiveView,
-    design: str,
-    name: str,
-    title: str,
-    prior: FloatArray,
-    posterior: FloatArray,
-) -> Chart:
-    edges = np.histogram_bin_edges(np.concatenate([prior, posterior]), _BINS)
-    before, after = (np.histogram(each, edges)[0] / len(each) for each in (prior, posterior))
+def _prior_and_posterior(view: ArchiveView, design: str, of: _Unknown) -> Chart:
+    edges = np.histogram_bin_edges(np.concatenate([of.prior, of.posterior]), _BINS)
+    before, after = (np.histogram(each, edges)[0] / len(each) for each in (of.prior, of.posterior))
     return Chart(
-        title=name,
-        summary=f"Draws of {name}: prior and posterior by {design}.",
-        x=Axis(title),
+        title=of.name,
+        summary=f"Draws of {of.name}: prior and posterior by {design}.",
+        x=Axis(of.title),
         y=Axis("share of the draws"),
         marks=(
             Bars(edges, after, view.series(design), "%{x}<br>%{y:.2~f}"),
@@ -102,25 +96,17 @@ def _prior_and_posterior(
     )
 
 
-def _pair(
-    view: ArchiveView,
-    design: str,
-    pair: tuple[str, ...],
-    titles: Mapping[str, str],
-    prior: Mapping[str, FloatArray],
-    posterior: Mapping[str, FloatArray],
-) -> Chart:
-    one, other = pair
-    rows = evenly_spread(len(posterior[one]), _MOST_POINTS)
-    before = evenly_spread(len(prior[one]), _MOST_POINTS)
+def _pair(view: ArchiveView, design: str, one: _Unknown, other: _Unknown) -> Chart:
+    rows = evenly_spread(len(one.posterior), _MOST_POINTS)
+    before = evenly_spread(len(one.prior), _MOST_POINTS)
     return Chart(
-        title=f"{other} against {one}",
-        summary=f"Draws of {one} and {other}: prior and posterior by {design}.",
-        x=Axis(titles[one]),
-        y=Axis(titles[other]),
+        title=f"{other.name} against {one.name}",
+        summary=f"Draws of {one.name} and {other.name}: prior and posterior by {design}.",
+        x=Axis(one.title),
+        y=Axis(other.title),
         marks=(
-            Points(prior[one][before], prior[other][before], "quiet", name="prior", opacity=0.3),
-            Points(posterior[one][rows], posterior[other][rows], view.series(design), name=design),
+            Points(one.prior[before], other.prior[before], "quiet", name="prior", opacity=0.3),
+            Points(one.posterior[rows], other.posterior[rows], view.series(design), name=design),
         ),
         source=design,
     )
@@ -191,9 +177,9 @@ def _errors_by_condition(view: ArchiveView, of: MeasuredRows, z: FloatArray) -> 
                     values,
                     z,
                     view.series(of.design),
-                    hover="%{text}",
-                    name=of.design,
-                    texts=texts,
+                    "%{text}",
+                    of.design,
+                    texts,
                     size=7,
                     opacity=0.8,
                 ),

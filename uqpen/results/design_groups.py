@@ -16,8 +16,6 @@ from uqpen.results.table import (
     NOTHING,
     OutputTable,
     entries_json,
-    estimate_json,
-    json_value,
     label_with_unit,
 )
 
@@ -39,12 +37,8 @@ def design_json(statistics: SourceStatistics, design: str) -> dict[str, Any]:
         if group.json:
             found |= resolve(group.json)(statistics, design)
         elif group.writer and (arrays := statistics.of_runs(name, design)):
-            found[name] = {key: entries_json(each, _entry_json) for key, each in arrays.items()}
+            found[name] = {key: entries_json(each) for key, each in arrays.items()}
     return found
-
-
-def _entry_json(array: xr.DataArray) -> Any:
-    return estimate_json(array) if BOUND in array.dims else json_value(array.values)
 
 
 def _table(tree: xr.DataTree, name: str, group: Group) -> OutputTable:

@@ -280,10 +280,11 @@ def _texts_json(array: xr.DataArray, name: str) -> Any:
 
 def entries_json(
     array: xr.DataArray, entry_json: Callable[[xr.DataArray], Any] = estimate_json
-) -> dict[str, Any]:
-    """Return the entries of an estimate array, by the coordinate along each of its dimensions.
+) -> Any:
+    """Return the entries of a statistic, by the coordinate along each of its dimensions.
 
-    A single entry lies along ``bound`` alone, behind the dimensions of its field if it has one.
+    A single estimate lies along ``bound`` alone, behind the dimensions of its field if it has one;
+    an entry without bounds is a number.
     """
     for dim in array.dims:
         # Only the coordinates of a field have a unit for display.
@@ -292,7 +293,7 @@ def entries_json(
                 str(label): entries_json(array[{dim: position}], entry_json)
                 for position, label in enumerate(array[dim].values)
             }
-    return entry_json(array)
+    return entry_json(array) if BOUND in array.dims else json_value(array.values)
 
 
 def json_value(value: Any) -> Any:

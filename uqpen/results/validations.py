@@ -15,9 +15,7 @@ from uqpen.archive.estimates import UnpackedStatistics
 from uqpen.archive.groups import group_names, read_group
 from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import (
-    CALIBRATIONS,
     MEASURED_CONDITION,
-    MEASURED_ROW,
     RUNS,
     VALIDATION,
 )
@@ -29,8 +27,7 @@ from uqpen.results.table import (
     NOTHING,
     OutputTable,
     entries_json,
-    estimate_json,
-    json_value,
+    identity,
     label_with_unit,
     shown_unit,
 )
@@ -72,13 +69,13 @@ class MeasuredRows:
     @cached_property
     def conditions(self) -> dict[str, tuple[str, FloatArray]]:
         """Conditions and places that differ: by name, the unit and the value of each row."""
-        found = {}
         whole = self.statistics.get("condition")
-        for place, name in enumerate([] if whole is None else whole[MEASURED_CONDITION].values):
-            values = np.asarray(whole.values[:, place])  # type: ignore[union-attr]
+        if whole is None:
+            return {}
+        found = {}
+        for name, values in zip(whole[MEASURED_CONDITION].values, whole.values.T, strict=True):
             if np.isfinite(values).all() and np.ptp(values) > 0:
-                attributes = self.runs[name].attrs if name in self.runs.variables else {}
-                unit = shown_unit(attributes)
+                unit = shown_unit(self.runs[name].attrs if name in self.runs.variables else {})
                 found[str(name)] = unit, np.asarray(scale(unit).from_si(values))
         return found
 
@@ -88,12 +85,7 @@ class MeasuredRows:
             f"{name} {number_text(float(values[row]), 6)}{unit_suffix(unit)}"
             for name, (unit, values) in self.conditions.items()
         ]
-        number = int(self.statistics["experiment_number"][row])
-        return ", ".join([f"{number}", *parts])
-
-    def estimate(self, name: str) -> xr.DataArray | None:
-        """Return a statistic of all rows; None where there is none."""
-        return self.statistics.get(name)
+        return ", ".join([str(int(self.statistics["experiment_number"][row])), *parts])
 
 
 def measured_rows(tree: xr.DataTree) -> Iterator[MeasuredRows]:
@@ -103,25 +95,6 @@ def measured_rows(tree: xr.DataTree) -> Iterator[MeasuredRows]:
         for output in tree.children[VALIDATION].children[design].children:
             group = read_group(tree, VALIDATION, design, output)
             yield MeasuredRows(design, output, UnpackedStatistics(group), runs)
-
-
-def fitted_rows(tree: xr.DataTree) -> Iterator[MeasuredRows]:
-    """Yield the rows of each output that unknown inputs were taught by."""
-    statistics = SourceStatistics(tree)
-    for design in group_names(tree, CALIBRATIONS):
-        found = statistics.of_runs(CALIBRATIONS, design)
-        if "measured" not in found:
-            continue
-        runs = read_group(tree, RUNS, design)
-        outputs = found["measured_output"].values
-        for output in dict.fromkeys(outputs.tolist()):
-            own = np.flatnonzero(outputs == output)
-            rows = {
-                name: array.isel({MEASURED_ROW: own})
-                for name, array in found.items()
-                if MEASURED_ROW in array.dims
-            }
-            yield MeasuredRows(design, str(output), rows, runs)
 
 
 # Statements, for the end of a command and the head of a page.
@@ -134,27 +107,28 @@ def validation_statements(tree: xr.DataTree) -> Iterator[tuple[str, str]]:
 
 
 def _sentences(of: MeasuredRows) -> Iterator[str]:
-    joint, draws = of.estimate("joint_p_value"), of.estimate("draws")
+    joint, draws = of.statistics.get("joint_p_value"), of.statistics.get("draws")
     values = count_text(of.statistics["experiment_number"].size, "measured value")
     by = f"by {count_text(0 if draws is None else int(draws), 'draw')} of {of.design}"
     if joint is None or not np.isfinite(joint.values[0]):
         reason = "no draw has completed" if joint is None else str(joint["note"].item())
         yield f"The model and {values} ({by}) have no joint test: {reason}."
-    elif joint.values[0] < UNLIKELY:
-        text = number_text(float(joint.values[0]), 2)
-        yield f"The model disagrees with {values} together ({by}): p = {text}."
     else:
-        text = number_text(float(joint.values[0]), 2)
-        yield f"Nothing speaks against the model in {values} together ({by}): p = {text}."
-    if (verdict := of.estimate("verdict")) is not None:
+        is_unlikely = joint.values[0] < UNLIKELY
+        what = "The model disagrees with" if is_unlikely else "Nothing speaks against the model in"
+        p_value = number_text(float(joint.values[0]), 2)
+        yield f"{what} {values} together ({by}): p = {p_value}."
+    if (verdict := of.statistics.get("verdict")) is not None:
         rows = of.statistics["row_verdict"].values.tolist()
         count = {name: rows.count(str(name)) for name in AcceptanceVerdict}
         shown = ", ".join(f"{number} {name}" for name, number in count.items() if number)
         yield f"What is accepted is {verdict.item()} (each value by itself: {shown})."
-    if (seen := of.estimate("detectable_common_error")) is not None and np.isfinite(seen.values[0]):
+    if (seen := of.statistics.get("detectable_common_error")) is not None and np.isfinite(
+        seen.values[0]
+    ):
         size = number_text(float(of.scale.difference_from_si(seen.values[0])), 2)
         yield f"An error below {size}{unit_suffix(of.unit)} in all values would not be seen."
-    used = of.estimate("used_before")
+    used = of.statistics.get("used_before")
     if used is not None and used.values.any():
         number = count_text(int(used.values.sum()), "value")
         yield f"Inputs were fitted to {number} of them, which no test counts."
@@ -171,36 +145,34 @@ def validation_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
 
 
 def _rows_table(of: MeasuredRows) -> OutputTable:
-    columns = ["measured", "model", "error", "z"]
-    has_verdict = "row_verdict" in of.statistics
+    verdicts = of.statistics.get("row_verdict")
     title = label_with_unit(f"{of.output} at the experiments of {of.design}", of.unit)
-    table = OutputTable(title, [*columns, *(["verdict"] if has_verdict else [])])
+    columns = ["measured", "model", "error", "z", *["verdict"] * (verdicts is not None)]
+    table = OutputTable(title, columns)
     rows = of.statistics["experiment_number"].size
     if "measured" not in of.statistics:
         return table
+
+    def with_std(value: str, std: str, row: int) -> str:
+        middle, spread = float(of.values(value)[row]), float(of.values(std)[row])
+        return estimate_text(middle, middle - spread, middle + spread)
+
     for row in range(min(rows, _MOST_ROWS)):
+        sign = {1: "≥ ", 0: "", -1: "≤ "}[int(of.statistics["bound_side"][row])]
         cells = [
-            _with_std(of, "measured", "measured_std", row),
-            _with_std(of, "predicted_mean", "predicted_std", row),
+            f"{sign}{with_std('measured', 'measured_std', row)}",
+            with_std("predicted_mean", "predicted_std", row),
             table.cell(of.statistics["comparison_error"][row], of.scale.difference_from_si),
             number_text(float(of.statistics["z_score"][row]), 3),
         ]
-        side = int(of.statistics["bound_side"][row])
-        if side:
-            cells[0] = f"{'≥' if side > 0 else '≤'} {cells[0]}"
-        if has_verdict:
-            cells.append(str(of.statistics["row_verdict"].values[row]))
+        if verdicts is not None:
+            cells.append(str(verdicts.values[row]))
         table.rows.append((of.label(row), cells))
     mark = table.note_mark("± one standard deviation; the error ± k times its uncertainty")
     table.columns[0] += mark
     if rows > _MOST_ROWS:
         table.note_mark(f"{rows - _MOST_ROWS} more rows in the archive and in JSON")
     return table
-
-
-def _with_std(of: MeasuredRows, value: str, std: str, row: int) -> str:
-    middle, spread = float(of.values(value)[row]), float(of.values(std)[row])
-    return estimate_text(middle, middle - spread, middle + spread)
 
 
 # Of all rows: the statistic, its label, and whether it is in the unit of the output.
@@ -223,15 +195,16 @@ _TESTS = (
 def _tests_table(of: MeasuredRows) -> OutputTable:
     table = OutputTable(f"{of.output}: all values of {of.design}", ["value"])
     for name, label, has_unit in _TESTS:
-        if (array := of.estimate(name)) is None:
+        if (array := of.statistics.get(name)) is None:
             continue
-        convert = of.scale.difference_from_si if has_unit else (lambda values: values)
-        title = label_with_unit(label, of.unit) if has_unit else label
-        value = float(array) if not array.dims else math.nan
-        is_plain = not array.dims
-        shown = NOTHING if is_plain and math.isnan(value) else ""
-        shown = shown or (number_text(float(convert(value)), 3) if is_plain else "")
-        table.rows.append((title, [shown or table.cell(array, convert)]))
+        convert = of.scale.difference_from_si if has_unit else identity
+        if array.dims:
+            text = table.cell(array, convert)
+        else:
+            value = float(convert(float(array)))
+            text = NOTHING if math.isnan(value) else number_text(value, 3)
+        label = label_with_unit(label, of.unit if has_unit else DIMENSIONLESS)
+        table.rows.append((label, [text]))
     return table
 
 
@@ -240,13 +213,9 @@ def validation_json(statistics: SourceStatistics, design: str) -> dict[str, Any]
     found = {
         each.output: {
             "units": str(each.runs[each.output].attrs.get("units", DIMENSIONLESS)),
-            **{name: entries_json(array, _entry_json) for name, array in each.statistics.items()},
+            **{name: entries_json(array) for name, array in each.statistics.items()},
         }
         for each in measured_rows(statistics.tree)
         if each.design == design
     }
     return {VALIDATION: found} if found else {}
-
-
-def _entry_json(array: xr.DataArray) -> Any:
-    return estimate_json(array) if "bound" in array.dims else json_value(array.values)
