@@ -80,6 +80,12 @@ TABLE = "x = [0, 1, 2, 3]\ny = [1.1, 2.9, 5.2, 6.8]"
         ),
         (
             "std = 0.2",
+            'std = 0.2\ndiscrepancy = { along = "x", std = { half-normal = 1, mean = 2 }, '
+            "length = { half-normal = 1 } }",
+            "discrepancy.std: found a table; expected its standard deviation, known up to a prior",
+        ),
+        (
+            "std = 0.2",
             'std = 0.2\ndiscrepancy = { along = "x", std = { half-normal = 1 }, '
             "length = { half-normal = 1 } }",
             "fit.measured: found a discrepancy, which takes up whatever the unknowns do not",

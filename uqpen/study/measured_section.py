@@ -67,13 +67,12 @@ class _Table:
         """Return a column in SI units, NaN for a blank; None where a mistake was noted."""
         try:
             column = self.columns[name]
-            found = np.full(self.rows, np.nan)
             entries = column.load()
-            filled = np.flatnonzero(~np.isnan(entries))
-            kept = Column(column.name, column.unit, lambda: entries[filled])
-            found[filled] = kept.values(like)
+            filled = ~np.isnan(entries)
+            found = np.full(self.rows, np.nan)
+            found[filled] = replace(column, load=lambda: entries[filled]).values(like)
             if difference:
-                found[filled] -= scale(column.unit).to_si(0.0)
+                found -= scale(column.unit).to_si(0.0)
         except (TableError, QuantityError) as error:
             self.section.add_problem(self.key, str(error), "a column of numbers")
             return None
@@ -103,11 +102,8 @@ def _read_section(name: str, section: TableReader, model: Model) -> MeasuredOutp
     source = section.text("source", "where they come from") if "source" in section else ""
     conditions = _conditions(section)
     roles = {role: _names(section, role) for role in ("unknown", "varies", "fixed")}
-    label = (
-        section.text(_EXPERIMENT, "a column that names the experiment of each row")
-        if _EXPERIMENT in section
-        else ""
-    )
+    expected = "a column that names the experiment of each row"
+    label = section.text(_EXPERIMENT, expected) if _EXPERIMENT in section else ""
     read = _read_file(section, tables, label or "")
     section.check_unknown_keys("key, nor an output of the model,")
     inputs = {variable.name: variable for variable in model.inputs}
@@ -128,16 +124,18 @@ def _read_section(name: str, section: TableReader, model: Model) -> MeasuredOutp
         section.add_missing("std", expected)
         return None
     found = {each: _condition(rows, each, inputs[each].unit) for each in conditions}
-    if any(each is None for each in found.values()):
-        return None
     columns = {key: values for key, values in found.items() if values is not None}
+    if len(columns) < len(found):
+        return None
     named = [_entries(rows.columns[label])] if label else []
-    experiment, first = _experiments([*columns.values(), *named], rows.rows)
+    # Without a condition, all rows are of one experiment.
+    keys = np.column_stack([np.zeros(rows.rows), *columns.values(), *named])
+    experiment, first = _numbered(keys)
     stds = {
-        each: float(found_std)
+        each: std
         for each, written in conditions.items()
         if written is not None
-        and (found_std := _difference(section, ("conditions", each), written, inputs[each].unit))
+        and (std := _difference(section, ("conditions", each), written, inputs[each].unit))
     }
     known = {each: inputs[each] for each in conditions}
     read_outputs = (
@@ -150,14 +148,7 @@ def _read_section(name: str, section: TableReader, model: Model) -> MeasuredOutp
 
     def at_rows(measured: Sequence[MeasuredOutput]) -> MeasuredOutputs:
         """Return the measurements at some rows, with the experiments of these alone."""
-        kept, numbers = np.unique(
-            np.concatenate([each.experiment for each in measured]), return_inverse=True
-        )
-        ends = np.cumsum([len(each.experiment) for each in measured])[:-1]
-        numbered = (
-            replace(each, experiment=own)
-            for each, own in zip(measured, np.split(numbers, ends), strict=True)
-        )
+        kept = np.unique(np.concatenate([each.experiment for each in measured]))
         return MeasuredOutputs(
             name,
             tuple(roles["unknown"]),
@@ -165,7 +156,10 @@ def _read_section(name: str, section: TableReader, model: Model) -> MeasuredOutp
             tuple(roles["fixed"]),
             {key: values[first[kept]] for key, values in columns.items()},
             {key: np.full(len(kept), std) for key, std in stds.items()},
-            tuple(numbered),
+            tuple(
+                replace(each, experiment=np.searchsorted(kept, each.experiment))
+                for each in measured
+            ),
             len(kept),
             source or "",
             file,
@@ -194,20 +188,16 @@ def _blank_rows(
         of = each.errors.discrepancy
         if of is not None and (along := rows.values(of.along, of.length.unit)) is not None:
             of = replace(of, places=along[blank])
-        errors = MeasurementErrors(nothing, nothing, each.errors.size, discrepancy=of)
-        places = _places(tables[each.output.name], each.output, rows, blank)
-        values, exactly = nothing + np.nan, np.zeros(len(blank), dtype=np.int64)
-        found.append(
-            replace(
-                each,
-                experiment=experiment[blank],
-                places=places,
-                values=values,
-                censoring=exactly,
-                lines=blank + 1,
-                errors=errors,
-            )
+        at_blank = replace(
+            each,
+            experiment=experiment[blank],
+            places=_places(tables[each.output.name], each.output, rows, blank),
+            values=nothing + np.nan,
+            censoring=np.zeros(len(blank), dtype=np.int64),
+            lines=blank + 1,
+            errors=MeasurementErrors(nothing, nothing, each.errors.size, discrepancy=of),
         )
+        found.append(at_blank)
     return found
 
 
@@ -290,17 +280,21 @@ def _condition(rows: _Table, name: str, unit: str) -> FloatArray | None:
     return found
 
 
-def _experiments(conditions: Sequence[FloatArray], rows: int) -> tuple[IntArray, IntArray]:
-    """Return the number of each row's experiment, and the first row of each experiment."""
-    numbers: dict[tuple[float, ...], int] = {}
-    experiment = np.zeros(rows, dtype=np.int64)
-    first = []
-    for row in range(rows):
-        key = tuple(float(values[row]) for values in conditions)
-        if key not in numbers:
-            first.append(row)
-        experiment[row] = numbers.setdefault(key, len(numbers))
-    return experiment, np.array(first)
+def _numbered(rows: FloatArray) -> tuple[IntArray, IntArray]:
+    """Return the number of each row among those that differ, and the first row of each of these."""
+    _, first, numbers = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+    return np.argsort(np.argsort(first))[numbers.ravel()], np.sort(first)
+
+
+def _half_normal(
+    table: TableReader, key: str, written: Any, unit: str | None, expected: str
+) -> float | None:
+    """Read the scale of a half-normal prior in SI units; None for an unknown unit or a mistake."""
+    if not isinstance(written, dict) or written.keys() != {"half-normal"}:
+        table.add_wrong(key, written, expected)
+        return None
+    prior = written["half-normal"]
+    return None if unit is None else _difference(table, (key, "half-normal"), prior, unit)
 
 
 def _difference(
@@ -391,21 +385,18 @@ def _read_discrepancy(
     along = inside.text("along", expected)
     if along is not None and along not in units:
         inside.add_wrong("along", along, expected)
-    unit = units.get(along or "", DIMENSIONLESS)
+    unit = units.get(along or "")
     found = {}
     for key, like in (("std", output.unit), ("length", unit)):
         written = inside.take(key)
-        prior = written.get("half-normal") if isinstance(written, dict) else None
         if written is None:
             inside.add_missing(key, _DISCREPANCY[key])
-        elif prior is None:
-            inside.add_wrong(key, written, _DISCREPANCY[key])
-        elif along in units:
-            found[key] = _difference(inside, (key, "half-normal"), prior, like) or 0.0
-    zero_at = inside.quantity("zero_at", unit)
+        else:
+            found[key] = _half_normal(inside, key, written, like, _DISCREPANCY[key]) or 0.0
+    zero_at = inside.quantity("zero_at", unit or DIMENSIONLESS)
     inside.check_unknown_keys()
-    places = rows.values(along, unit) if along in units else None
-    if len(table.problems) > noted or places is None:
+    places = rows.values(str(along), unit) if unit is not None else None
+    if len(table.problems) > noted or unit is None or places is None:
         return None
     of = f"discrepancy of {output.name}"
     return Discrepancy(
@@ -469,11 +460,8 @@ def _read_errors(
     if written is None:
         table.add_missing("std", _STD)
     elif isinstance(written, dict):
-        prior = written.get("half-normal")
-        if prior is None or len(written) > 1:
-            table.add_wrong("std", written, _STD)
-        elif scale := _difference(table, ("std", "half-normal"), prior, output.unit):
-            size = UnknownSize(f"std of {output.name}", scale, output.unit, output.name)
+        if prior := _half_normal(table, "std", written, output.unit, _STD):
+            size = UnknownSize(f"std of {output.name}", prior, output.unit, output.name)
             own = MeasurementErrors(nothing, nothing, size)
     elif written == _REPEATS:
         if pooled := _pooled(table, kept, experiment, values, places):
@@ -567,12 +555,11 @@ def _lengths(table: TableReader, output: Output) -> dict[str, float]:
     if not isinstance(written, dict) or not written.keys() <= dims.keys():
         table.add_wrong("correlation", written, expected)
         return {}
-    found = {}
-    for name, length in written.items():
-        value = _difference(table, ("correlation", name), length, dims[name].unit)
-        if value is not None:
-            found[name] = value
-    return found
+    found = {
+        name: _difference(table, ("correlation", name), length, dims[name].unit)
+        for name, length in written.items()
+    }
+    return {name: length for name, length in found.items() if length is not None}
 
 
 def _pooled(
@@ -583,15 +570,10 @@ def _pooled(
     places: Mapping[str, FloatArray],
 ) -> tuple[float, float] | None:
     """Return the standard deviation within repeats, and its degrees of freedom."""
-    keys = [
-        (int(experiment[row]), *(float(each[at]) for each in places.values()))
-        for at, row in enumerate(kept.tolist())
-    ]
-    groups: dict[tuple[float, ...], list[float]] = {}
-    for key, row in zip(keys, kept.tolist(), strict=True):
-        groups.setdefault(key, []).append(float(values[row]))
-    squares = sum(float(np.var(each)) * len(each) for each in groups.values())
-    freedom = len(kept) - len(groups)
+    numbers, first = _numbered(np.column_stack([experiment[kept], *places.values()]))
+    repeats = [values[kept][numbers == number] for number in range(len(first))]
+    squares = sum(float(np.var(each)) * len(each) for each in repeats)
+    freedom = len(kept) - len(first)
     if freedom < _FEWEST_REPEATS or not squares > 0:
         expected = f"at least {_FEWEST_REPEATS} repeats that differ; or {_STD}"
         table.add_problem("std", f'"{_REPEATS}" with {freedom} repeats', expected)
@@ -695,15 +677,9 @@ def check_roles(
     constant = {entry.variable.name for entry in joint.fixed}
     for name, each in measured.items():
         section = table.table(name)
-        roles = {
-            "conditions": [*each.conditions],
-            "unknown": [*each.unknown],
-            "varies": [*each.varies],
-            "fixed": [*each.fixed],
-        }
         said: dict[str, str] = {}
-        for role, names in roles.items():
-            for entry in names:
+        for role in ROLES:
+            for entry in getattr(each, role):
                 if entry in said:
                     found = f"{entry}, which is among {said[entry]}, too"
                     section.add_problem(role, found, "each input once")
@@ -718,11 +694,10 @@ def check_roles(
         for interval in joint.intervals:
             found = f"{interval.variable.name}, an interval, beside measurements"
             section.add_problem((), found, "a value or a distribution of it")
-        if joint.dependence and {*joint.dependence.inputs} & {*each.varies}:
-            mixed = {*joint.dependence.inputs} - {*each.varies}
-            if mixed:
-                found = f"{min(mixed)} depends on an input that varies"
-                section.add_problem("varies", found, "inputs that vary independently of the others")
+        joined = {*joint.dependence.inputs} if joint.dependence else set[str]()
+        if joined & {*each.varies} and (mixed := joined - {*each.varies}):
+            found = f"{min(mixed)} depends on an input that varies"
+            section.add_problem("varies", found, "inputs that vary independently of the others")
 
 
 def role_lines(study: ValidatedStudy) -> Iterator[str]:
@@ -733,14 +708,6 @@ def role_lines(study: ValidatedStudy) -> Iterator[str]:
         parts = [f"{each.experiments} experiment{several}, {rows} values"]
         if each.blank and (blank := len(each.blank.outputs[0].values)):
             parts.append(f"{blank} blank row{'s' * (blank > 1)}, which a posterior predicts")
-        parts += [
-            f"{role} {', '.join(names)}"
-            for role, names in (
-                ("conditions", each.conditions),
-                ("unknown", each.unknown),
-                ("varies", each.varies),
-                ("fixed", each.fixed),
-            )
-            if names
-        ]
+        named = ((role, ", ".join(getattr(each, role))) for role in ROLES)
+        parts += [f"{role} {names}" for role, names in named if names]
         yield f"measured {name}: {'; '.join(parts)}"
