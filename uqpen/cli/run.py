@@ -17,21 +17,7 @@ if TYPE_CHECKING:
     from uqpen.core.arrays import FloatArray
     from uqpen.core.model import Input, Model, Output
     from uqpen.distributions.constraints import Constraint
-    from uqpen.distributions.joint_distribution import JointDistribution
     from uqpen.study.study import ValidatedStudy
-
-    Inputs = Mapping[str, float]
-    # Name in the study, model, inputs, those that cannot be set, constraints, units, joint
-    # distribution.
-    _TrialRun = tuple[
-        str,
-        Model,
-        Inputs,
-        Inputs,
-        Sequence[Constraint],
-        Mapping[str, str],
-        JointDistribution | None,
-    ]
 
 
 @click.command(short_help="Run a model once and show its outputs.")
@@ -52,44 +38,33 @@ def run(model: str, given: tuple[str, ...], folder: Path | None, trust: bool) ->
     """
     import numpy as np
 
-    from uqpen.cli.console import plain_table, standard_output
+    from uqpen.cli.console import standard_output
+    from uqpen.core.lookup import resolve_name
+    from uqpen.models import MODELS
 
     if archive := split_surrogate(model):
         _run_surrogate(*archive, given, folder, trust=trust)
         return
-    trials = list(_trial_runs(model))
-    for label, trial, inputs, own, constraints, units, joint in trials:
-        if len(trials) > 1:
+    if not model.endswith(".toml"):
+        built_in: Model = resolve_name(MODELS, model, "model")()
+        defaults = {each.name: each.default for each in built_in.inputs if each.default is not None}
+        inputs = {**defaults, **_parse_inputs(built_in.name, built_in.inputs, given)}
+        _show_run(built_in, inputs, (), {})
+        return
+    from uqpen.study.load import load_study
+
+    study = load_study(Path(model))
+    for label, variant in study.models.items():
+        if len(study.models) > 1:
             standard_output().print(f"\n{label}", markup=False)
         # What a model takes in place of the study's inputs is what makes it that model.
-        set_here = {**_parse_inputs(trial.name, trial.inputs, given), **own}
-        inputs = {**inputs, **set_here}
-        if joint and (complete := joint.following(set_here)):  # what follows from a value set here
+        trial = variant.model
+        set_here = {**_parse_inputs(trial.name, trial.inputs, given), **variant.given}
+        inputs = study.joint.nominal() | set_here
+        if complete := study.joint.following(set_here):  # what follows from a value set here
             columns = complete({name: np.array(value) for name, value in inputs.items()})
             inputs = {name: float(value) for name, value in columns.items()}
-        rows = list(_output_rows(trial, inputs, constraints, units))
-        standard_output().print(plain_table(["output", "value", "unit"], rows))
-
-
-def _trial_runs(
-    name: str,
-) -> Iterator[_TrialRun]:
-    """Yield each model with its name in the study and what is needed to run it once."""
-    from uqpen.core.lookup import resolve_name
-    from uqpen.models import MODELS
-
-    if name.endswith(".toml"):
-        from uqpen.study.load import load_study
-
-        study = load_study(Path(name))
-        nominal, units = study.joint.nominal(), study.display_units()
-        for label, variant in study.models.items():
-            parts = (variant.given, study.constraints, units, study.joint)
-            yield label, variant.model, nominal, *parts
-    else:
-        model: Model = resolve_name(MODELS, name, "model")()
-        defaults = {v.name: v.default for v in model.inputs if v.default is not None}
-        yield "", model, defaults, {}, (), {}, None
+        _show_run(trial, inputs, study.constraints, study.display_units())
 
 
 def _run_surrogate(
@@ -127,12 +102,16 @@ def _run_surrogate(
         show_message(text)
 
 
-def _output_rows(
-    model: Model, inputs: Inputs, constraints: Sequence[Constraint], units: Mapping[str, str]
-) -> Iterator[tuple[str, str, str]]:
-    """Make one run, and yield the name, value and unit of each output."""
+def _show_run(
+    model: Model,
+    inputs: Mapping[str, float],
+    constraints: Sequence[Constraint],
+    units: Mapping[str, str],
+) -> None:
+    """Make one run, and show the name, value and unit of each output."""
     import numpy as np
 
+    from uqpen.cli.console import plain_table, standard_output
     from uqpen.core.errors import ModelError
     from uqpen.core.status import STATUS_TEXT, Status
     from uqpen.execution import Evaluator
@@ -152,7 +131,8 @@ def _output_rows(
         raise ModelError(f"the run is {STATUS_TEXT[status]}: {results.reasons[0]}")
     values = model.derive(results.outputs, results.status, columns)
     outputs = ((each, units.get(each.name, each.preferred_unit)) for each in model.all_outputs)
-    yield from _shown_values(outputs, values, 10)
+    rows = list(_shown_values(outputs, values, 10))
+    standard_output().print(plain_table(["output", "value", "unit"], rows))
 
 
 def _shown_values(
