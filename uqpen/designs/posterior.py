@@ -287,18 +287,19 @@ def _replicate(
     if completed.sum() < 4 * (dimension + 1):  # their cloud may lack a direction
         return
     particles, points = made.at(completed), points[completed]
-    exponent, level, turn, lengths = 0.0, 0, 0, [1.0, 1.0]
-    while exponent < 1:
-        level += 1
+    exponent, level, turn, lengths, is_last = 0.0, 0, 0, [1.0, 1.0], False
+    while not is_last:
+        level, is_last = level + 1, exponent == 1
         rng = stream.generator("level", level)
         higher = particles.next_exponent(exponent)
         weights = particles.weights(higher - exponent)
         cloud = Cloud.of(points, weights)
-        chosen = rows_by_weight(weights, (np.arange(size) + rng.random()) / size)
-        chosen = rng.permutation(chosen)
-        particles, points = particles.at(chosen), points[chosen]
+        if higher > exponent:
+            chosen = rows_by_weight(weights, (np.arange(size) + rng.random()) / size)
+            chosen = rng.permutation(chosen)
+            particles, points = particles.at(chosen), points[chosen]
         exponent, start, is_related, made_moves = higher, points, True, 0
-        limit = _UNRELATED if exponent < 1 else UNRELATED_AT_LAST
+        limit = UNRELATED_AT_LAST if is_last else _UNRELATED
         while is_related:
             move = cloud.difference if turn else cloud.crank_nicolson
             moved = move(points, lengths[turn], rng)
