@@ -152,9 +152,9 @@ def _outer(values: FloatArray) -> FloatArray:
     return products
 
 
-# A size that is integrated over goes from the one to the other, by the scale of its prior; a step
-# of its logarithm is this part of the standard deviation that as many rows leave.
-_SMALLEST_SIZE, _LARGEST_SIZE, _SIZE_STEP = 1e-6, 1e3, 0.25
+# Ends of sizes that the likelihood is integrated over, by the scale of a prior, and by the scatter
+# of repeats. A step of the logarithm is this part of the deviation that as many rows leave.
+_SIZES, _SIZES_BY_REPEATS, _SIZE_STEP = (1e-6, 1e3), (1e-3, 1e6), 0.25
 
 # What was measured.
 
@@ -208,46 +208,67 @@ class MeasuredOutput:
             total += np.where(weight == 0, 0.0, entries * weight)
         return total
 
-    def size_densities(self, predicted: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return sizes of the errors, and how likely they are with results.
+    def size_densities(
+        self, predicted: FloatArray, sizes: FloatArray, added: FloatArray | None = None
+    ) -> Iterator[tuple[slice, FloatArray, FloatArray]]:
+        """Yield sizes of its errors for some draws, and how likely they are with results.
 
         Parameters
         ----------
         predicted : ndarray, shape (draw, row)
+        sizes : ndarray, shape (size, draw)
+            Values of the numbers that are not known; one that is NaN is what the sizes are of.
+        added : ndarray, shape (draw, row, row), optional
+            Covariance that each draw has beside that of the errors.
 
-        Returns
-        -------
+        Yields
+        ------
+        part : slice
+            Some draws.
         sizes : ndarray, shape (size,)
             Evenly spread by their logarithms.
         log_density : ndarray, shape (draw, size)
-            Logarithm of the part of each size in the likelihood, over the likelihood at the scale
-            of the prior.
+            Logarithm of the part of each size in the likelihood, over the likelihood where it is
+            the scale of its prior, or that of repeats.
         """
         errors, rows = self.errors, len(self.values)
-        assert errors.size is not None
         step = _SIZE_STEP / math.sqrt(2 * rows)
-        logarithms = np.arange(math.log(_SMALLEST_SIZE), math.log(_LARGEST_SIZE), step)
+        lowest, highest = np.log(_SIZES if errors.size else _SIZES_BY_REPEATS).tolist()
+        logarithms = np.arange(lowest, highest, step)
         squares = np.exp(2 * logarithms)
-        prior = logarithms - squares / 2 + math.log(step * math.sqrt(2 / math.pi))
-        of = predicted if errors.depends_on_model else predicted[:1]
-        own = errors.size.scale**2 * self.correlation
-        whole = errors.covariance(of, np.zeros((1, len(of))), self.correlation) + own
-        # In the axes of the part of unknown size in the whole, both are diagonal.
-        inverse = np.linalg.inv(np.linalg.cholesky(whole))
-        parts, axes = np.linalg.eigh(inverse @ own @ inverse.swapaxes(-2, -1))
-        turned = axes.swapaxes(-2, -1) @ inverse
-        turned = np.broadcast_to(turned, (len(predicted), rows, rows))
-        off = np.einsum("drs,ds->dr", turned, predicted - self.values, optimize=False) ** 2
-        found = np.empty((len(predicted), len(squares)))
-        at_once = max(1, _MOST_ENTRIES // (rows * len(squares)))
+        if errors.size is not None:
+            scale = errors.size.scale
+            prior = logarithms - squares / 2 + math.log(step * math.sqrt(2 / math.pi))
+        else:
+            # The prior of the logarithm is flat, as the rows have all that repeats say of the size.
+            # The density of the repeats themselves is that at their standard deviation.
+            scale, half = float(errors.std[0]), errors.freedom / 2
+            constant = half * math.log(half) - math.lgamma(half) - half + math.log(2 * step)
+            prior = np.full(len(logarithms), constant)
+            errors = replace(errors, std=np.zeros(rows))
+        own, known = scale**2 * self.correlation, np.nan_to_num(sizes)
+        is_common = added is None and errors.discrepancy is None and not errors.depends_on_model
+        at_once = max(1, _MOST_ENTRIES // (rows * max(rows, len(squares))))
+        turned, parts = np.empty(0), np.empty(0)
         for first in range(0, len(predicted), at_once):
             part = slice(first, first + at_once)
-            own_parts = parts[part if len(parts) > 1 else slice(1)][..., np.newaxis]
-            variance = 1 - own_parts + own_parts * squares
-            excess = np.broadcast_to(1 / variance - 1, (len(off[part]), *variance.shape[1:]))
-            sums = np.einsum("dr,drs->ds", off[part], excess, optimize=False)
-            found[part] = prior - 0.5 * (np.log(variance).sum(axis=1) + sums)
-        return errors.size.scale * np.exp(logarithms), found
+            if not (is_common and first):
+                of = slice(0, 1) if is_common else part
+                whole = errors.covariance(predicted[of], known[:, of], self.correlation) + own
+                if added is not None:
+                    whole = whole + added[of]
+                # In the axes of the part of this size in the whole, both are diagonal.
+                inverse = np.linalg.inv(np.linalg.cholesky(whole))
+                parts, axes = np.linalg.eigh(inverse @ own @ inverse.swapaxes(-2, -1))
+                turned, parts = axes.swapaxes(-2, -1) @ inverse, parts[..., np.newaxis]
+            off = predicted[part] - self.values
+            every = np.broadcast_to(turned, (len(off), rows, rows))
+            variance = 1 - parts + parts * squares
+            excess = np.broadcast_to(1 / variance - 1, (len(off), rows, len(squares)))
+            along = np.einsum("drs,ds->dr", every, off, optimize=False) ** 2
+            sums = np.einsum("dr,drs->ds", along, excess, optimize=False)
+            density = prior - 0.5 * (np.log(variance).sum(axis=1) + sums)
+            yield part, scale * np.exp(logarithms), density
 
     @cached_property
     def correlation(self) -> FloatArray:
@@ -412,20 +433,18 @@ class Experiments:
         """
         found, completed = sizes.copy(), np.isfinite(predicted).all(axis=1)
         for number, (each, own) in self.integrated.items():
-            drawn = completed & np.isnan(sizes[:, number])
-            if not drawn.any():
-                continue
-            nodes, densities = each.size_densities(predicted[drawn][:, own])
-            density = np.exp(densities - densities.max(axis=1, keepdims=True))
-            below = np.cumsum((density[:, 1:] + density[:, :-1]) / 2, axis=1)
-            wanted = shares[drawn, number, np.newaxis] * below[:, -1:]
-            at = np.argmax(below >= wanted, axis=1)[:, np.newaxis]
-            upper = np.take_along_axis(below, at, axis=1)
-            inside = 1 - (upper - wanted) / np.take_along_axis(
-                np.diff(below, prepend=0.0), at, axis=1
-            )
-            ratio = nodes[1] / nodes[0]
-            found[drawn, number] = (nodes[at] * ratio**inside)[:, 0]
+            drawn = np.flatnonzero(completed & np.isnan(sizes[:, number]))
+            none = sizes[drawn, number][np.newaxis]
+            for part, nodes, densities in each.size_densities(predicted[drawn][:, own], none):
+                density = np.exp(densities - densities.max(axis=1, keepdims=True))
+                steps = (density[:, 1:] + density[:, :-1]) / 2
+                below = np.cumsum(steps, axis=1)
+                wanted = shares[drawn[part], number, np.newaxis] * below[:, -1:]
+                at = np.argmax(below >= wanted, axis=1)[:, np.newaxis]
+                over = np.take_along_axis(below, at, axis=1) - wanted
+                inside = 1 - over / np.take_along_axis(steps, at, axis=1)
+                sought = nodes[at] * (nodes[1] / nodes[0]) ** inside
+                found[drawn[part], number] = sought[:, 0]
         return found
 
     @property
@@ -717,6 +736,9 @@ class Experiments:
     ) -> FloatArray:
         """Return the logarithm of the likelihood of results, shape (draw,).
 
+        It is integrated over the size of errors that follows from repeats, so that it is Student's
+        t, where none of their output's values is a bound.
+
         Parameters
         ----------
         predicted : ndarray, shape (draw, row)
@@ -727,17 +749,24 @@ class Experiments:
         added : ndarray, shape (draw, row, row), optional
             Covariance that each draw has beside that of the errors.
         """
-        found = np.full(len(predicted), np.nan)
-        if sizes is not None and np.isnan(sizes).any():
-            scales = np.array([each.scale for each in self.sizes])
-            found = self.log_likelihood(predicted, np.where(np.isnan(sizes), scales, sizes), added)
-            completed = np.isfinite(found)
-            for number, (each, own) in self.integrated.items():
-                if np.isnan(sizes[:, number]).all() and completed.any():
-                    _, densities = each.size_densities(predicted[completed][:, own])
-                    found[completed] += scipy.special.logsumexp(densities, axis=1)
-            return found
         drawn = np.zeros((len(predicted), 0)) if sizes is None else sizes
+        scales = np.array([each.scale for each in self.sizes])[: drawn.shape[1]]
+        found = self._normal_likelihood(predicted, np.where(np.isnan(drawn), scales, drawn), added)
+        kept = np.flatnonzero(np.isfinite(found))
+        for each, own, of_output in self._sizes_of(drawn[kept]):
+            by_repeats = math.isfinite(each.errors.freedom) and (each.censoring == EXACTLY).all()
+            if by_repeats or np.isnan(of_output).any():
+                more = None if added is None else added[kept][:, own, own]
+                densities = each.size_densities(predicted[kept][:, own], of_output, more)
+                for part, _, density in densities:
+                    found[kept[part]] += scipy.special.logsumexp(density, axis=1)
+        return found
+
+    def _normal_likelihood(
+        self, predicted: FloatArray, drawn: FloatArray, added: FloatArray | None
+    ) -> FloatArray:
+        """Return the same where all sizes are known."""
+        found = np.full(len(predicted), np.nan)
         completed = np.flatnonzero(np.isfinite(predicted).all(axis=1))
         depends = any(each.errors.depends_on_model for _, each in self.outputs) or drawn.size
         more = np.zeros((len(predicted), 1, 1)) if added is None else added

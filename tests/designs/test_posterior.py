@@ -374,6 +374,27 @@ def test_a_size_that_is_integrated_over_has_its_exact_posterior():
     assert math.sqrt(square - mean**2) == pytest.approx(0.30406205, rel=0.02)
 
 
+def test_errors_that_repeats_give_are_those_of_student_t():
+    # Pairs and a triple at three places: four degrees of freedom.
+    place = np.array([0, 0, 1, 1, 2, 2, 2])
+    values = np.array([1.0, 1.4, 2.3, 1.9, 3.3, 2.8, 3.1])
+    count, rows = np.bincount(place), np.arange(7)
+    mean = np.bincount(place, values) / count
+    freedom = 7 - 3
+    std = math.sqrt(((values - mean[place]) ** 2).sum() / freedom)
+    errors = MeasurementErrors(np.full(7, std), np.zeros(7), freedom=float(freedom))
+    made = MeasuredOutput(Output("y", "1"), rows, {}, values, rows * 0, rows + 1, errors)
+    measured = Experiments((MeasuredOutputs("m", ("a",), (), (), {}, {}, (made,), 7),))
+    results = np.array([[1.2, 2.1, 3.0], [0.5, 2.5, 3.0], [3.0, -3.0, 9.0]])
+    found = measured.log_likelihood(results[:, place])
+    # The means of repeats have a multivariate t distribution, beside the density of the repeats.
+    exact = stats.multivariate_t(mean, std**2 * np.diag(1 / count), df=freedom).logpdf(results)
+    assert np.diff(found) == pytest.approx(np.diff(exact), abs=1e-6)
+    whole = stats.norm.logpdf(values, mean[place], std).sum()
+    about = stats.norm.logpdf(mean, mean, std / np.sqrt(count)).sum()
+    assert found == pytest.approx(exact + whole - about, abs=1e-6)
+
+
 @pytest.mark.parametrize("share", [0.0, 0.05])
 def test_the_integral_over_a_size_beside_other_errors_is_that_of_the_likelihood(share):
     nothing, group = np.zeros(5), np.array([0, 0, 0, 1, 1])
