@@ -259,9 +259,12 @@ def unknown_values(
 
 
 def posterior_statistics(
-    measured: Experiments, runs: xr.Dataset, level: float
-) -> Iterator[tuple[str, xr.DataArray]]:
-    """Yield what the runs of a posterior say, by the names of the catalogue."""
+    joint: JointDistribution, measured: Experiments, runs: xr.Dataset, stream: Stream, level: float
+) -> Iterator[tuple[str, xr.DataArray | xr.Dataset]]:
+    """Yield what the runs of a posterior say, by the names of the catalogue, and its groups.
+
+    The groups are those of `arviz_groups`; there are none without a posterior.
+    """
     runs, beyond = split_runs(measured, runs)
     sample = posterior_sample(measured, runs, level)
     if isinstance(sample, str):
@@ -269,7 +272,8 @@ def posterior_statistics(
         return
     drawn = sample.runs.ravel()
     shares = np.full(len(drawn), 1 / len(drawn))
-    predicted, sizes = measured.predicted(runs)[drawn], error_stds(measured, runs)[drawn]
+    predicted = measured.predicted(runs)[drawn]
+    sizes = sample.values[drawn, len(measured.unknown) :]
     yield from predicted_rows(measured, predicted, sizes, shares)
     if measured.blank.count:
         at = np.searchsorted(beyond[PARENT_DRAW].values[:: measured.blank.count], drawn)
@@ -294,6 +298,12 @@ def posterior_statistics(
     }
     yield from described_statistics(measured, estimates, numbers, level)
     yield failed_shares(measured, runs, sample.sampled.exponent == 1)
+    prior = np.flatnonzero(sample.sampled.exponent == 0).reshape(len(sample.runs), -1)
+    groups = {
+        "posterior": (sample.runs, sample.values),
+        "prior": (prior, sample.values if sample.prior_values is None else sample.prior_values),
+    }
+    yield from arviz_groups(joint, measured, runs, groups, sample.log_likelihood, stream)
 
 
 def predicted_rows(
@@ -453,25 +463,12 @@ def described_statistics(
         yield name, xr.DataArray(values, attrs={"units": DIMENSIONLESS, "long_name": title})
 
 
-def posterior_groups(
-    joint: JointDistribution, measured: Experiments, runs: xr.Dataset, stream: Stream
-) -> Iterator[tuple[str, xr.Dataset]]:
-    """Yield the groups of `arviz_groups` of a design's replicates; none without a posterior."""
-    runs, _ = split_runs(measured, runs)
-    sample = posterior_sample(measured, runs, LEVEL)
-    if isinstance(sample, str):
-        return
-    prior = np.flatnonzero(sample.sampled.exponent == 0).reshape(len(sample.runs), -1)
-    yield from arviz_groups(
-        joint, measured, runs, {"posterior": sample.runs, "prior": prior}, stream
-    )
-
-
 def arviz_groups(
     joint: JointDistribution,
     measured: Experiments,
     runs: xr.Dataset,
-    draws: Mapping[str, IntArray],
+    draws: Mapping[str, tuple[IntArray, FloatArray]],
+    log_likelihood: FloatArray,
     stream: Stream,
 ) -> Iterator[tuple[str, xr.Dataset]]:
     """Yield groups of a posterior by the names and dimensions of ArviZ, in SI units.
@@ -482,16 +479,17 @@ def arviz_groups(
     measured : Experiments
     runs : Dataset
         Runs of a design for its posterior.
-    draws : mapping of str to ndarray, shape (chain, draw)
-        Numbers of the draws of the groups ``posterior`` and ``prior``.
+    draws : mapping of str to tuple of ndarray
+        Of the groups ``posterior`` and ``prior``: the numbers of their draws, of shape
+        (chain, draw), and the unknowns in all draws, of shape (draw, unknown).
+    log_likelihood : ndarray, shape (draw,)
+        Of all draws.
     stream : Stream
         Source of the errors that predictions have.
     """
     predicted = measured.predicted(runs)
-    for group, numbers in draws.items():
-        is_prior = group == "prior"
-        _, values = unknown_values(measured, runs, of_prior=is_prior)
-        stds = error_stds(measured, runs, of_prior=is_prior)
+    for group, (numbers, values) in draws.items():
+        stds = values[:, len(measured.unknown) :]
         yield group, unknowns_dataset(measured, runs, values[numbers])
         rng = stream.generator(group)
         drawn = predicted[numbers]
@@ -515,14 +513,14 @@ def arviz_groups(
         yield f"{group}_predictive", _rows_dataset(measured, drawn, CHAINS)
         if group == "posterior" and (measured.censoring == EXACTLY).all():
             yield "log_likelihood", _rows_dataset(measured, left_out, CHAINS)
-    numbers, (_, values) = draws["posterior"], unknown_values(measured, runs)
+    numbers, values = draws["posterior"]
     densities = _log_prior(joint, measured, values[numbers])
     if densities is not None:
         yield "log_prior", unknowns_dataset(measured, runs, densities, unit=DIMENSIONLESS)
     yield "observed_data", _rows_dataset(measured, measured.values, ())
     yield "constant_data", _conditions_dataset(measured, runs)
     statistics = {
-        "log_likelihood": log_likelihoods(measured, runs)[numbers],
+        "log_likelihood": log_likelihood[numbers],
         "draw_number": numbers,
     }
     own_dims = {name: (CHAINS, each) for name, each in statistics.items()}

@@ -215,5 +215,7 @@ def weighted_groups(
     places = np.arange(size) + stream.generator("equal weights").random()
     equal = last[taken[rows_by_weight(weights, places / size)]]
     prior = np.flatnonzero(runs[SEARCH_ROUND].values[:: measured.count] == 0)
-    numbers = {"posterior": equal[np.newaxis], "prior": prior[np.newaxis]}
-    yield from arviz_groups(joint, measured, runs, numbers, stream)
+    _, values = unknown_values(measured, runs)
+    groups = {"posterior": (equal[np.newaxis], values), "prior": (prior[np.newaxis], values)}
+    found = log_likelihoods(measured, runs)
+    yield from arviz_groups(joint, measured, runs, groups, found, stream)

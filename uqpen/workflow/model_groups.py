@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -205,20 +206,12 @@ def _design_groups(
     is_kept = study.designs[design].keep == KEPT_RUNS
     yield f"/{RUNS}/{design}", whole if is_kept else record_causes(omit_runs(whole), whole)
     for name, group in DESIGN_GROUPS.items():
-        if statistics := resolve(group.writer)(study, design, runs):
+        found = resolve(group.writer)(study, design, runs)
+        below = {key: each for key, each in found.items() if isinstance(each, xr.Dataset)}
+        if statistics := {key: found[key] for key in found if key not in below}:
             yield f"/{name}/{design}", pack(statistics)
-    made = study.designs[design]
-    posteriors = (Sampling.POSTERIOR, Sampling.WEIGHTED_POSTERIOR)
-    if isinstance(made, MeasuredDesign) and made.sampling in posteriors:
-        from uqpen.statistics.posterior import posterior_groups
-        from uqpen.statistics.weighted_posterior import weighted_groups
-
-        is_weighted = made.sampling is Sampling.WEIGHTED_POSTERIOR
-        groups = weighted_groups if is_weighted else posterior_groups
-        stream = Stream(study.seed, CALIBRATIONS, design)
-        with one_blas_thread():
-            for name, of_draws in groups(study.joint, made.experiments, runs, stream):
-                yield f"/{CALIBRATIONS}/{design}/{name}", of_draws
+        for key, dataset in below.items():
+            yield f"/{name}/{design}/{key}", dataset
 
 
 def failure_statistics(study: ValidatedStudy, design: str, runs: xr.Dataset) -> OutputStatistics:
@@ -265,23 +258,27 @@ def bound_statistics(study: ValidatedStudy, design: str, runs: xr.Dataset) -> Ou
 
 def calibration_statistics(
     study: ValidatedStudy, design: str, runs: xr.Dataset
-) -> OutputStatistics:
-    """Return what runs that follow measurements say of the unknowns; none of other designs."""
+) -> dict[str, xr.DataArray | xr.Dataset]:
+    """Return what runs that follow measurements say of the unknowns; none of other designs.
+
+    Datasets are groups of draws, by their names.
+    """
     made = study.designs[design]
     if not isinstance(made, MeasuredDesign):
         return {}
     from uqpen.designs.least_squares import LeastSquares
     from uqpen.statistics.calibration import fit_statistics
     from uqpen.statistics.posterior import posterior_statistics
-    from uqpen.statistics.weighted_posterior import weighted_statistics
+    from uqpen.statistics.weighted_posterior import weighted_groups, weighted_statistics
 
-    level = study.confidence_level
+    level, stream = study.confidence_level, Stream(study.seed, CALIBRATIONS, design)
     with one_blas_thread():
         if isinstance(made, LeastSquares):
             return dict(fit_statistics(made, study.joint, runs, level))
+        of = (study.joint, made.experiments, runs, stream)
         if made.sampling is Sampling.WEIGHTED_POSTERIOR:
-            return dict(weighted_statistics(made.experiments, runs, level))
-        return dict(posterior_statistics(made.experiments, runs, level))
+            return dict(chain(weighted_statistics(*of[1:3], level), weighted_groups(*of)))
+        return dict(posterior_statistics(*of, level))
 
 
 def _validation_groups(
