@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
+from uqpen.core.columns import read_columns
 from uqpen.core.errors import SettingsError, TableError
 from uqpen.core.lookup import resolve
 from uqpen.core.model import Bounds, Input
@@ -16,7 +17,6 @@ from uqpen.core.streams import Stream
 from uqpen.distributions import DISTRIBUTIONS, measurements
 from uqpen.distributions.measurements import (
     Empirical,
-    Measurements,
     check_measurements,
     fit_distribution,
     fitted_families,
@@ -205,7 +205,7 @@ class TestMeasurements:
 
         def written(text):
             (tmp_path / "m.csv").write_text(text)
-            return Measurements(tmp_path / "m.csv")
+            return read_columns(tmp_path / "m.csv")
 
         return written
 
@@ -224,7 +224,7 @@ class TestMeasurements:
             variable = dataset.createVariable("strength", "f8", ("specimen",))
             variable.units = "MPa"
             variable[:] = [400, 410]
-        assert Measurements(path).column("strength").values("Pa").tolist() == [400e6, 410e6]
+        assert read_columns(path).column("strength").values("Pa").tolist() == [400e6, 410e6]
 
     @pytest.mark.parametrize(
         ("heading", "reported"),

@@ -82,6 +82,25 @@ class ColumnFile:
     file: FileSnapshot
     columns: tuple[Column, ...]
 
+    def column(self, heading: str) -> Column:
+        """Return the column with a heading, with or without its unit; empty for the only column.
+
+        TableError if there is none, or more than one.
+        """
+        name, headings = self.file.path.name, [column.heading for column in self.columns]
+        if not heading and len(headings) > 1:
+            raise TableError(f'"{name}" has the columns {", ".join(headings)}')
+        found = [
+            column
+            for column in self.columns
+            if not heading or heading.strip() in (column.heading, column.name)
+        ]
+        if not found:
+            raise TableError(f'"{name}" has no column "{heading}"; {choices(heading, headings)}')
+        if len(found) > 1:
+            raise TableError(f'column "{heading}" stands twice in "{name}"')
+        return found[0]
+
 
 def read_columns(
     path: Path,

@@ -6,17 +6,15 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 
 from uqpen.core.arrays import FloatArray
-from uqpen.core.columns import Column, ColumnFile, read_columns
-from uqpen.core.errors import Problem, SettingsError, TableError
-from uqpen.core.files import FileSnapshot
-from uqpen.core.lookup import choices, resolve
+from uqpen.core.columns import Column
+from uqpen.core.errors import Problem, SettingsError
+from uqpen.core.lookup import resolve
 from uqpen.core.model import Input
-from uqpen.core.settings import declared_settings, file
+from uqpen.core.settings import declared_settings
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.distributions import DISTRIBUTIONS
 from uqpen.distributions.distribution import OPEN_INTERVAL, Distribution
@@ -30,47 +28,6 @@ FEWEST = 10
 # A family adds the rest of the distribution. More measurements than its two parameters are needed
 # to check the fit.
 FEWEST_FOR_A_FAMILY = 5
-
-
-@dataclass(frozen=True)
-class Measurements:
-    """A file with a column of measurements."""
-
-    file: Path = file()  # ends in ``.nc`` for NetCDF; anything else is read as CSV
-
-    @property
-    def columns(self) -> tuple[Column, ...]:
-        """Columns of the file; TableError if it cannot be read."""
-        return self._column_file.columns
-
-    @property
-    def source(self) -> FileSnapshot:
-        """Snapshot of the file; TableError if it cannot be read."""
-        return self._column_file.file
-
-    @cached_property
-    def _column_file(self) -> ColumnFile:
-        return read_columns(self.file)
-
-    def column(self, heading: str) -> Column:
-        """Return the column with a heading, with or without its unit; empty for the only column.
-
-        TableError if there is none, or more than one.
-        """
-        headings = [column.heading for column in self.columns]
-        if not heading and len(headings) > 1:
-            raise TableError(f'"{self.file.name}" has the columns {", ".join(headings)}')
-        found = [
-            column
-            for column in self.columns
-            if not heading or heading.strip() in (column.heading, column.name)
-        ]
-        if not found:
-            known = choices(heading, headings)
-            raise TableError(f'"{self.file.name}" has no column "{heading}"; {known}')
-        if len(found) > 1:
-            raise TableError(f'column "{heading}" stands twice in "{self.file.name}"')
-        return found[0]
 
 
 def check_measurements(

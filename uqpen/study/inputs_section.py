@@ -9,12 +9,12 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from uqpen.core.arrays import FloatArray
-from uqpen.core.columns import Column
+from uqpen.core.columns import Column, ColumnFile, read_columns
 from uqpen.core.errors import ConstraintError, QuantityError, SettingsError, TableError, toml_text
 from uqpen.core.formulas import Formula, names_in, parse_formula
 from uqpen.core.labels import UNCERTAIN_FIT
@@ -49,8 +49,9 @@ from uqpen.distributions.measurements import (
     FEWEST,
     FEWEST_FOR_A_FAMILY,
     Empirical,
-    Measurements,
     check_measurements,
+    fit_distribution,
+    fitted_families,
     parameters_text,
     value_text,
 )
@@ -59,7 +60,6 @@ from uqpen.distributions.univariate import Choice, Mixture, Normal, Truncated
 from uqpen.distributions.unknowns import (
     DRAWS,
     ParameterBox,
-    Unknown,
     fitted_parameters,
 )
 from uqpen.models.data.data_model import DataModel
@@ -73,14 +73,11 @@ from uqpen.study.user_defined_members import (
     read_member,
 )
 
-if TYPE_CHECKING:
-    from uqpen.distributions.measurements import DistributionFit
-
 # The keys that stand where the name of a distribution would.
 _FROZEN = (*LIBRARIES, OBJECT)
 
 
-def read_frozen(table: TableReader, variable: Input, library: str) -> RandomInput | None:
+def _read_frozen(table: TableReader, variable: Input, library: str) -> RandomInput | None:
     """Read an input with a distribution of another library; None where a mistake was noted.
 
     The table has the name of the distribution, its parameters as numbers, and the unit of its
@@ -91,11 +88,11 @@ def read_frozen(table: TableReader, variable: Input, library: str) -> RandomInpu
     unit, noted = _unit(table, variable), len(table.problems)
     name = table.text("name", f"the name of a distribution of {LIBRARIES[library]}")
     parameters: dict[str, float] = {}
-    for key in table:
-        value = None if key in ("name", "unit") else table.take(key)
+    for key in [each for each in table if each not in ("name", "unit")]:
+        value = table.take(key)
         if isinstance(value, int | float) and not isinstance(value, bool):
             parameters[key] = float(value)
-        elif key not in ("name", "unit"):
+        else:
             table.add_wrong(key, value, "a number, in the unit of the values")
     if name is None or len(table.problems) > noted:
         return None
@@ -192,60 +189,57 @@ def _read_measured(table: TableReader, variable: Input, stream: Stream) -> Rando
     """
     noted = len(table.problems)
     measured = table.whole_settings(_Measured)
-    _check_family(table, table.content.get("family"))
+    _check_family(table)
     if measured is None or len(table.problems) > noted:
         return None
-    measurements = Measurements(measured.file)
-    found = _read_column(table, measurements, measured.column or "", variable)
+    found = _read_column(table, measured, variable)
     if found is None:
         return None
-    column, values = found
+    column, values, read = found
     source = f"{measured.file.name}, {column.heading}"
     fewest = FEWEST_FOR_A_FAMILY if measured.family else FEWEST
     for problem in check_measurements(values, column, variable, fewest=fewest):
         table.add_problem("file", f"{problem.found} in {source}", problem.expected)
     if len(table.problems) > noted:
         return None
-    distribution: Distribution
-    unknown: Unknown | None = None
-    if measured.family is None:
-        distribution = Empirical(tuple(values.tolist()))
-        ends = (value_text(float(end), column.unit) for end in (values.min(), values.max()))
-        description = f"as measured: {len(values)} values of {source}, from {' to '.join(ends)}"
-        fit: dict[str, str | int | float] = {}
-    else:
-        found_fit = _read_fit(table, measured, values, column.unit, source, stream)
-        if found_fit is None:
-            return None
-        distribution, unknown, description, fit = found_fit
-    fit = {
+    fit: dict[str, str | int | float] = {
         "fit_family": measured.family or "empirical",
         "fit_measurements": len(values),
         "fit_source": source,
         "fit_sha256": hashlib.sha256(values.astype("<f8").tobytes()).hexdigest(),
-        **fit,
     }
-    files = (measurements.source,)
-    return RandomInput(variable, distribution, column.unit, description, fit, files, unknown)
+    if measured.family is None:
+        ends = (value_text(float(end), column.unit) for end in (values.min(), values.max()))
+        description = f"as measured: {len(values)} values of {source}, from {' to '.join(ends)}"
+        made = RandomInput(variable, Empirical(tuple(values.tolist())), column.unit, description)
+    elif (of_family := _read_fit(table, measured, variable, values, column, stream)) is None:
+        return None
+    else:
+        made = of_family
+    return replace(made, fit={**fit, **made.fit}, files=(read.file,))
 
 
 def _read_fit(
     table: TableReader,
     measured: _Measured,
+    variable: Input,
     values: FloatArray,
-    unit: str,
-    source: str,
+    column: Column,
     stream: Stream,
-) -> tuple[Distribution, Unknown | None, str, dict[str, str | int | float]] | None:
-    """Return the distribution of a family, what is not known of it, its description and its fit."""
+) -> RandomInput | None:
+    """Read an input from a family that is fitted to its measurements."""
     family, unknown = measured.family or "", None
-    fitted = _fit(table, family, values, source, stream)
-    if fitted is None:
+    source = f"{measured.file.name}, {column.heading}"
+    try:
+        fitted = fit_distribution(family, values, stream.generator("fit"))
+    except SettingsError as error:
+        for problem in error.problems:
+            table.add_problem("family", f"{problem.found}, in {source}", problem.expected)
         return None
     distribution = fitted.distribution
     description = (
         f"{family} fitted to {len(values)} values of {source}: "
-        f"{parameters_text(distribution, unit)}; "
+        f"{parameters_text(distribution, column.unit)}; "
         f"Kolmogorov-Smirnov distance {fitted.distance:.3g}, p = {fitted.p_value:.2g}"
     )
     fit: dict[str, str | int | float] = {
@@ -272,12 +266,11 @@ def _read_fit(
             f"{family} does not fit the measurements: of samples of the fitted law, "
             f"a share of {fitted.p_value:.2g} lies as far from it (p value)"
         )
-    return distribution, unknown, description, fit
+    return RandomInput(variable, distribution, column.unit, description, fit, unknown=unknown)
 
 
-def _check_family(table: TableReader, family: object) -> None:
-    from uqpen.distributions.measurements import fitted_families
-
+def _check_family(table: TableReader) -> None:
+    family = table.content.get("family")
     if not isinstance(family, str) or not family.strip():
         if table.content.get("uncertain") is True and family is None:
             found = "uncertain = true for the measurements themselves"
@@ -293,46 +286,30 @@ def _check_family(table: TableReader, family: object) -> None:
 
 
 def _read_column(
-    table: TableReader, measurements: Measurements, heading: str, variable: Input
-) -> tuple[Column, FloatArray] | None:
+    table: TableReader, measured: _Measured, variable: Input
+) -> tuple[Column, FloatArray, ColumnFile] | None:
     unit = "cm" if variable.unit is ANY_DIMENSION else variable.unit
     expected = f'a CSV or NetCDF file beside the study, with a column such as "x [{unit}]"'
+    key = "file"
     try:
-        _ = measurements.columns
+        read = read_columns(measured.file)
+        key, expected = "column", f"the heading of a column of {variable.title}"
+        column = read.column(measured.column or "")
+        if variable.unit is not ANY_DIMENSION:
+            return column, column.values(variable.unit), read
     except TableError as error:
-        table.add_problem("file", str(error), expected)
-        return None
-    try:
-        column = measurements.column(heading)
-        if variable.unit is ANY_DIMENSION:
-            return None
-        return column, column.values(variable.unit)
-    except TableError as error:
-        table.add_problem("column", str(error), f"the heading of a column of {variable.title}")
-    return None
-
-
-def _fit(
-    table: TableReader, family: str, values: FloatArray, source: str, stream: Stream
-) -> DistributionFit | None:
-    from uqpen.distributions.measurements import fit_distribution
-
-    try:
-        return fit_distribution(family, values, stream.generator("fit"))
-    except SettingsError as error:
-        for problem in error.problems:
-            table.add_problem("family", f"{problem.found}, in {source}", problem.expected)
+        table.add_problem(key, str(error), expected)
     return None
 
 
 Entry = FixedInput | RandomInput | DerivedInput | IntervalInput
 
-# The ends of a truncated distribution, and their names in its description.
 _FAMILIES = (*DISTRIBUTIONS, MIXTURE, MEASURED, *LIBRARIES)
 
 # Distributions of labels; `discrete` is that of the texts of a data file.
 _OF_LABELS = ("choice", "discrete")
 
+# The ends of a truncated distribution, and their names in its description.
 _LIMITS = {"lower": "at least", "upper": "at most"}
 
 
@@ -433,11 +410,7 @@ def _read_conditional_part(
             section.add_wrong(field.name, written, declared.expected)
             continue
         try:
-            formula = parse_formula(written, units, "an input of the model", "input")
-            if not are_convertible(formula.unit, like):
-                found = f"{toml_text(written)}, in {formula.unit}"
-                raise ConstraintError(found, describe(like))
-            formulas[field.name] = formula
+            formulas[field.name] = _parse(written, units, like)
         except ConstraintError as error:
             section.add_problems(error.problems, field.name)
     rest = {key: each for key, each in section.content.items() if key not in formulas}
@@ -462,24 +435,23 @@ def _conditional_group(
     Their entries are added; those of inputs with a mistake are None.
     """
     noted = len(table.problems)
-    of_them = {name: each for part in parts.values() for name, each in _named_by(part, entries)}
-    for name, part in parts.items():
-        for source, entry in _named_by(part, entries):
-            if source in groups.owners or isinstance(entry, DerivedInput | IntervalInput):
-                why = "follows from others" if isinstance(entry, DerivedInput) else "is in [joint]"
-                why = "is an interval" if isinstance(entry, IntervalInput) else why
-                expected = "formulas of inputs with a value or a distribution of their own"
-                table.add_problem(name, f"a parameter of {source}, which {why}", expected)
+    named = {name: sorted(_names_of_inputs(part)) for name, part in parts.items()}
+    of_them = {source: entries.get(source) for names in named.values() for source in names}
+    reasons = dict.fromkeys(groups.owners, "is in [joint]")
+    for source, entry in of_them.items():
+        if isinstance(entry, DerivedInput | IntervalInput):
+            is_derived = isinstance(entry, DerivedInput)
+            reasons[source] = "follows from others" if is_derived else "is an interval"
+    for name, source in [(name, x) for name, names in named.items() for x in names if x in reasons]:
+        expected = "formulas of inputs with a value or a distribution of their own"
+        table.add_problem(name, f"a parameter of {source}, which {reasons[source]}", expected)
     is_clear = all(each is not None or name in parts for name, each in of_them.items())
     if not parts or not is_clear or len(table.problems) > noted:
         return None
     chain: dict[str, Distribution | ConditionalPart] = {
         name: each.distribution for name, each in of_them.items() if isinstance(each, RandomInput)
     }
-    sources = {
-        name: [each for each, _ in _named_by(part, entries) if each in parts]
-        for name, part in parts.items()
-    }
+    sources = {name: [x for x in names if x in parts] for name, names in named.items()}
     try:
         chain |= {name: parts[name] for name in TopologicalSorter(sources).static_order()}
     except CycleError as error:
@@ -500,19 +472,15 @@ def _conditional_group(
     return group if len(table.problems) == noted else None
 
 
+def _names_of_inputs(part: ConditionalPart) -> set[str]:
+    formulas = [each for each in part.parameters.values() if isinstance(each, Formula)]
+    return {name for each in formulas for name in each.names}
+
+
 def _units_in_formulas(known: Mapping[str, Input], of: str) -> dict[str, str]:
     """Return the units of the inputs that a formula of another may name; labels are no numbers."""
     others = (each for name, each in known.items() if name != of and not each.labels)
     return {each.name: each.unit for each in others}
-
-
-def _named_by(
-    part: ConditionalPart, entries: Mapping[str, Entry | None]
-) -> Iterator[tuple[str, Entry | None]]:
-    """Yield the inputs that the parameters of another name, with their entries."""
-    formulas = (each for each in part.parameters.values() if isinstance(each, Formula))
-    for name in sorted({name for each in formulas for name in each.names}):
-        yield name, entries.get(name)
 
 
 def _is_formula(value: object, variable: Input, model: Model) -> bool:
@@ -536,15 +504,19 @@ def _read_derived_input(
     if variable.unit is ANY_DIMENSION or ANY_DIMENSION in units.values():
         return None
     try:
-        formula = parse_formula(written, units, "an input of the model", "input")
+        formula = _parse(written, units, variable.unit)
     except ConstraintError as error:
         table.add_problems(error.problems, variable.name)
         return None
-    if not are_convertible(formula.unit, variable.unit):
-        found = f"{toml_text(written)}, in {formula.unit}"
-        table.add_problem(variable.name, found, describe(variable.unit))
-        return None
     return DerivedInput(variable, formula, variable.preferred_unit)
+
+
+def _parse(written: str, units: Mapping[str, str], like: str) -> Formula:
+    """Return a formula of inputs; ConstraintError unless it has the dimension of `like`."""
+    formula = parse_formula(written, units, "an input of the model", "input")
+    if not are_convertible(formula.unit, like):
+        raise ConstraintError(f"{toml_text(written)}, in {formula.unit}", describe(like))
+    return formula
 
 
 def _check_cycles(table: TableReader, entries: dict[str, Entry | None]) -> None:
@@ -736,7 +708,7 @@ def _read_random_input(table: TableReader, variable: Input, stream: Stream) -> R
     elif family == MEASURED:
         made = _read_measured(section, variable, stream)
     elif family in _FROZEN:
-        made = read_frozen(section, variable, family)
+        made = _read_frozen(section, variable, family)
     else:
         made = _read_distribution(section, variable, family)
     limits = {key: table.quantity(key, variable.unit) for key in _LIMITS if key in table}
@@ -882,19 +854,29 @@ def _parameter_intervals(table: TableReader, family: str) -> list[str]:
     ]
 
 
+_OF_DISCRETE = "one value: bounds are of continuous distributions, by ratios of densities"
+
+
 def _read_box(
     table: TableReader, variable: Input, family: str, names: list[str]
 ) -> ParameterBox | None:
     """Read a distribution with parameters that are intervals, each a list of two."""
-    cls, noted = resolve(DISTRIBUTIONS[family]), len(table.problems)
+    cls, noted, ends = resolve(DISTRIBUTIONS[family]), len(table.problems), []
     for name in names:
-        if expected := _box_refusal(cls, name, table.content[name]):
-            table.add_wrong(name, table.content[name], expected)
+        written = table.content[name]
+        two = f'two ends, such as {name} = ["9 kN", "11 kN"], or one value'
+        if expected := _OF_DISCRETE if cls.is_discrete else two * (len(written) != 2):
+            table.add_wrong(name, written, expected)
     if len(table.problems) > noted or variable.unit is ANY_DIMENSION:
         return None
-    lower, upper = (_box_end(table, cls, variable.unit, names, place) for place in (0, 1))
-    if lower is None or upper is None:
+    for place in (0, 1):
+        content = {key: x[place] if key in names else x for key, x in table.content.items()}
+        reader = replace(table, content=content)
+        ends.append(reader.setting_values(cls, variable.unit) or {})
+        reader.check_unknown_keys()
+    if len(table.problems) > noted:
         return None
+    lower, upper = ends
     for name in names:
         if not lower[name] < upper[name]:
             expected = "the lower end first, and an upper one above it"
@@ -909,27 +891,6 @@ def _read_box(
             table.add_problem(problem.path, found, problem.expected)
         return None
     return box if all(_is_usable(table, (), corner) for corner in box.corners()) else None
-
-
-def _box_refusal(family: type[Distribution], parameter: str, written: list[object]) -> str:
-    """Return what is expected in place of an interval of a parameter; empty where it can be one."""
-    if family.is_discrete:
-        return "one value: bounds are of continuous distributions, by ratios of densities"
-    if len(written) != 2:
-        return f'two ends, such as {parameter} = ["9 kN", "11 kN"], or one value'
-    return ""
-
-
-def _box_end(
-    table: TableReader, family: type[Distribution], unit: str, names: list[str], place: int
-) -> dict[str, Any] | None:
-    """Return the parameters of a family at the lower or the upper end of those with two."""
-    noted = len(table.problems)
-    content = {key: each[place] if key in names else each for key, each in table.content.items()}
-    reader = replace(table, content=content)
-    values = reader.setting_values(family, unit)
-    reader.check_unknown_keys()
-    return None if len(table.problems) > noted else values
 
 
 def _texts(values: list[object]) -> Iterator[str]:

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from uqpen.core.arrays import FloatArray
-from uqpen.core.columns import heading_parts
+from uqpen.core.columns import heading_parts, read_columns
 from uqpen.core.errors import ModelError, Problem, QuantityError, SettingsError, TableError
 from uqpen.core.files import FileSnapshot
 from uqpen.core.labels import NAME
@@ -35,7 +35,6 @@ from uqpen.core.settings import (
 )
 from uqpen.core.units import ANY_DIMENSION, DIMENSIONLESS, are_convertible, describe, scale, si_unit
 from uqpen.core.variables import dimension_name_problem
-from uqpen.distributions.measurements import Measurements
 from uqpen.models.command.output_readers import UnreadableError, blank_column, parse_number
 from uqpen.models.run_grid import INTERPOLATIONS, NO_INTERPOLATION, FieldSources, RunGrid
 from uqpen.study.document import inner_table
@@ -181,14 +180,14 @@ def _read_coordinates_file(path: Path, column: str | int | None, unit: str | Non
         return _read_table(path, column, unit or DIMENSIONLESS)
     if isinstance(column, int):
         raise TableError(f'"{path.name}" has columns with headings')
-    measurements = Measurements(path)
-    found = measurements.column(column or "")
+    read = read_columns(path)
+    found = read.column(column or "")
     place = f'column "{found.heading}" of "{path.name}"'
     if unit is not None and found.unit == DIMENSIONLESS:
         values = np.asarray(scale(unit).array_to_si(found.load()))
-        return _Found(values, unit, "file", place, measurements.source)
+        return _Found(values, unit, "file", place, read.file)
     shown = unit or found.unit
-    return _Found(found.values(shown), shown, "file", place, measurements.source)
+    return _Found(found.values(shown), shown, "file", place, read.file)
 
 
 def _read_table(path: Path, column: str | int | None, unit: str) -> _Found:
