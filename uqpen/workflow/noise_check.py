@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import builtins
-import math
 import tempfile
 import warnings
 from collections.abc import Mapping, Sequence
@@ -11,7 +10,6 @@ from dataclasses import dataclass
 from enum import StrEnum
 from itertools import pairwise
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -183,8 +181,8 @@ def check_noise(
         # The folders of runs that are kept stay as they are.
         again = _Again(study, name, model.with_folder(Path(folder)), map)
         second = again.made(first)
-        seen = _Seen.of(model, runs, first, second)
-        grade = Grade.of(seen.difference)
+        difference, differing = _differences(model, runs, [first, *second])
+        grade = Grade.of(difference)
         may_share = grade is Grade.NOISE and not model.noise.seed and isinstance(model, UserModel)
         # Where no other process makes runs, none can share anything.
         may_share &= map is not builtins.map
@@ -192,20 +190,19 @@ def check_noise(
     made = f"{grouped_number(at.size)} of {count_text(runs.sizes[RUN], 'run')} of {design}"
     verb = "was" if at.size == 1 else "were"
     seeds = " with the same seeds" * bool(model.noise.seed)
-    text = f"{made} {verb} made again{seeds}: {seen.text(grade)}"
-    pairs = None if grade is Grade.EQUAL else _pairs(model, first, second[0])
-    if model.noise.is_unseeded:
-        text = f"{DECLARED}: {text}{_SHARED * shares_generator}"
-        check = NoiseCheck(text, pairs=pairs)
-    elif grade is not Grade.NOISE:
-        return NoiseCheck(f"{grade}: {text}")
-    else:
-        cause = _BESIDE_SEED if model.noise.seed else _UNDECLARED
-        text = f"{grade}: {text}{cause}{_SHARED * shares_generator}"
-        check = NoiseCheck(text, not model.noise.seed, pairs)
-    if shares_generator or not model.noise.is_declared or model.noise.seed:
+    seen = "the same to the bit"
+    if grade is not Grade.EQUAL:
+        verb_of_them = "differs" if differing == 1 else "differ"
+        reason = ", as by threads" * (grade is Grade.ROUNDING)
+        seen = f"{differing} {verb_of_them}{difference_text(difference)}{reason}"
+    is_unseeded, cause = model.noise.is_unseeded, _cause(model, grade)
+    text = f"{DECLARED if is_unseeded else grade}: {made} {verb} made again{seeds}: {seen}{cause}"
+    text += _SHARED * shares_generator
+    if shares_generator or cause:
         progress.warn(f"{name or model.name}: {text}")
-    return check
+    is_kept = grade is Grade.NOISE or (is_unseeded and grade is Grade.ROUNDING)
+    pairs = _pairs(model, first, second[0]) if is_kept else None
+    return NoiseCheck(text, bool(cause) and not model.noise.seed, pairs)
 
 
 def trial_noise(study: ValidatedStudy, name: str, inputs: Arrays, results: Results) -> str:
@@ -224,14 +221,20 @@ def trial_noise(study: ValidatedStudy, name: str, inputs: Arrays, results: Resul
     grade = Grade.of(max(relative_difference(results.status, again.status), *of_outputs))
     if grade is not Grade.NOISE:
         return "" if grade is Grade.EQUAL else f"{grade}: made again, it differs in last digits"
-    cause = _BESIDE_SEED if model.noise.seed else _UNDECLARED
-    return f"{grade}: made again, it is another one{cause}"
+    return f"{grade}: made again, it is another one{_cause(model, grade)}"
 
 
 def _is_checked(model: Model) -> bool:
     """Check for a model whose runs have to show if they can be repeated."""
     is_open = model.noise.is_declared is not False and not model.uncallable_reason
     return model.may_be_noisy and is_open
+
+
+def _cause(model: Model, grade: Grade) -> str:
+    """Return what is wrong where runs show noise; empty where the study declares it so."""
+    if grade is not Grade.NOISE or model.noise.is_unseeded:
+        return ""
+    return _BESIDE_SEED if model.noise.seed else _UNDECLARED
 
 
 _UNDECLARED = (
@@ -302,42 +305,24 @@ class _NoReports(Progress):
 
 
 def _are_unequal(one: Results, other: Results) -> bool:
-    names = one.outputs
-    return bool(unequal(one.status, other.status).any()) or any(
-        unequal(np.asarray(one.outputs[name]), np.asarray(other.outputs[name])).any()
-        for name in names
-    )
+    columns = ({**each.outputs, STATUS: each.status} for each in (one, other))
+    pairs = zip(*(map(np.asarray, each.values()) for each in columns), strict=True)
+    return any(unequal(*pair).any() for pair in pairs)
 
 
-class _Seen(NamedTuple):
-    """Difference of runs that were made twice."""
+def _differences(model: Model, runs: xr.Dataset, every: Sequence[xr.Dataset]) -> tuple[float, int]:
+    """Return how much runs differ that were made several times, and how many differ at all.
 
-    difference: float  # relative to the largest value of an output; infinite for other statuses
-    differing: int  # number of runs that differ at all
-
-    @classmethod
-    def of(
-        cls, model: Model, runs: xr.Dataset, first: xr.Dataset, second: Sequence[xr.Dataset]
-    ) -> _Seen:
-        """Compare runs with what they were made as again, once or twice."""
-        every = (first, *second)
-        own = ~np.any([np.isin(each[STATUS].values, BY_MACHINE) for each in every], axis=0)
-        differs, difference = np.zeros(own.sum(), dtype=np.bool_), 0.0
-        for name in (STATUS, *(output.name for output in model.all_outputs)):
-            scale = 0.0 if name == STATUS else _largest(runs.variables[name])
-            for one, other in pairwise(each.variables[name].values[own] for each in every):
-                difference = max(difference, relative_difference(one, other, scale))
-                differs |= unequal(one, other).reshape(len(one), -1).any(axis=1)
-        return cls(difference, int(differs.sum()))
-
-    def text(self, grade: Grade) -> str:
-        """Return how the runs differ, after what they are."""
-        if grade is Grade.EQUAL:
-            return "the same to the bit"
-        largest = "" if math.isinf(self.difference) else difference_text(self.difference)
-        differ = "differs" if self.differing == 1 else "differ"
-        reason = ", as by threads" * (grade is Grade.ROUNDING)
-        return f"{self.differing} {differ}{largest}{reason}"
+    The difference is relative to the largest value of an output, and infinite for other statuses.
+    """
+    own = ~np.any([np.isin(each[STATUS].values, BY_MACHINE) for each in every], axis=0)
+    differs, difference = np.zeros(own.sum(), dtype=np.bool_), 0.0
+    for name in (STATUS, *(output.name for output in model.all_outputs)):
+        scale = 0.0 if name == STATUS else _largest(runs.variables[name])
+        for one, other in pairwise(each.variables[name].values[own] for each in every):
+            difference = max(difference, relative_difference(one, other, scale))
+            differs |= unequal(one, other).reshape(len(one), -1).any(axis=1)
+    return difference, int(differs.sum())
 
 
 def _largest(values: xr.Variable) -> float:
