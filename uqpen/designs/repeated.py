@@ -125,27 +125,22 @@ class RepeatedDesign(Design):
 
     def _repeated(self, points: Points, first: int) -> Points:
         """Return the points of a round, each as often as it is run; `first` is its number."""
-        if isinstance(points, DrawnPoints):
-            size, draw = points.runs, points.draw
-        else:
-            whole, size = points, points.sizes[RUN]
 
-            def draw(start: int, stop: int) -> xr.Dataset:
-                return whole.isel({RUN: slice(start, stop)})
-
-        def draw_repeated(start: int, stop: int) -> xr.Dataset:
+        def draw(start: int, stop: int) -> xr.Dataset:
             run = np.arange(start, stop)
             point, repeat = np.divmod(run, self.repeats)
-            before = start // self.repeats
-            drawn = draw(before, max(-(-stop // self.repeats), before))
-            repeated = drawn.isel({RUN: point - before}).drop_vars(RUN, errors="ignore")
-            return repeated.assign_coords(
-                {POINT: (RUN, point + first), REPEAT: (RUN, repeat), RUN: run}
-            )
+            if isinstance(points, DrawnPoints):
+                before = start // self.repeats
+                drawn = points.draw(before, max(-(-stop // self.repeats), before))
+                repeated = drawn.isel({RUN: point - before})
+            else:
+                repeated = points.isel({RUN: point})
+            coordinates = {POINT: (RUN, point + first), REPEAT: (RUN, repeat), RUN: run}
+            return repeated.drop_vars(RUN, errors="ignore").assign_coords(coordinates)
 
         if isinstance(points, DrawnPoints):
-            return DrawnPoints(size * self.repeats, draw_repeated)
-        return draw_repeated(0, size * self.repeats)
+            return DrawnPoints(points.runs * self.repeats, draw)
+        return draw(0, points.sizes[RUN] * self.repeats)
 
 
 def each_point_once(design: Design) -> Design:
