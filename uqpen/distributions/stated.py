@@ -108,11 +108,6 @@ def _about(family: Callable[[float, float], Distribution]) -> Callable[..., Dist
     return lambda middle, half: family(middle - half, middle + half)
 
 
-def _lognormal(location: float, scale: float) -> Lognormal:
-    mean = math.exp(location + scale**2 / 2)
-    return Lognormal(mean, mean * math.sqrt(math.expm1(scale**2)))
-
-
 _FORMS: dict[type[Distribution], _Form] = {
     Normal: _Form(Normal),
     Logistic: _Form(Logistic),
@@ -124,7 +119,7 @@ _FORMS: dict[type[Distribution], _Form] = {
     Triangular: _Form(lambda m, s: Triangular(m - s, m, m + s), half_width=True),
     Exponential: _Form(Exponential, has_location=False),
     Rayleigh: _Form(Rayleigh, has_location=False),
-    Lognormal: _Form(_lognormal, of_logarithm=lambda t: t**2 / 2),
+    Lognormal: _Form(Lognormal.of_logarithm, of_logarithm=lambda t: t**2 / 2),
     LogUniform: _Form(
         lambda m, s: LogUniform(math.exp(m - s), math.exp(m + s)),
         of_logarithm=lambda t: t + math.log(-math.expm1(-2 * t) / (2 * t)),

@@ -99,6 +99,12 @@ class Lognormal(_OfLogarithm):
     mean: float = quantity(above=0)
     std: float = difference(above=0)
 
+    @classmethod
+    def of_logarithm(cls, location: float, scale: float) -> Lognormal:
+        """Return the distribution whose logarithm has a mean and a standard deviation."""
+        mean = math.exp(location + scale**2 / 2)
+        return cls(mean, mean * math.sqrt(math.expm1(scale**2)))
+
     def logarithm(self) -> Normal:
         variance = math.log1p((self.std / self.mean) ** 2)
         return Normal(math.log(self.mean) - variance / 2, math.sqrt(variance))

@@ -97,61 +97,38 @@ class FittedParameters(Unknown):
         )
 
 
-@dataclass(frozen=True)
-class _Pivots:
-    """A family whose parameters are a location and a scale, perhaps of the logarithm."""
-
-    family: str  # of the variable, or of its logarithm
-    standard: Distribution  # its member of location 0 and scale 1
-    pair: Callable[[Distribution], tuple[float, float]]  # the location and the scale of a member
-    member: Callable[[float, float], Distribution]  # of the variable
-    is_of_logarithm: bool = False
-
-
-def _lognormal(location: float, scale: float) -> Lognormal:
-    mean = math.exp(location + scale**2 / 2)
-    return Lognormal(mean, mean * math.sqrt(math.expm1(scale**2)))
-
-
-def _own_pair(found: Distribution) -> tuple[float, float]:
-    assert isinstance(found, Normal | Gumbel)
-    return found.mean, found.std
-
-
-def _weibull_pair(found: Distribution) -> tuple[float, float]:
-    assert isinstance(found, Weibull)
-    return math.log(found.scale), 1 / found.shape
-
-
-def _uniform_pair(found: Distribution) -> tuple[float, float]:
-    assert isinstance(found, Uniform)
-    return found.lower, found.upper - found.lower
-
-
-_PIVOTS: Mapping[type[Distribution], _Pivots] = {
-    Normal: _Pivots("normal", Normal(0.0, 1.0), _own_pair, Normal),
-    Lognormal: _Pivots("normal", Normal(0.0, 1.0), _own_pair, _lognormal, is_of_logarithm=True),
-    Gumbel: _Pivots("gumbel", Gumbel(0.0, 1.0), _own_pair, Gumbel),
-    Weibull: _Pivots(
-        "weibull",
-        Weibull(1.0, 1.0),
-        _weibull_pair,
-        lambda location, scale: Weibull(1 / scale, math.exp(location)),
-    ),
-    Uniform: _Pivots(
+# Families with a location and a scale, perhaps of the logarithm: the family of what these are of,
+# and the member that has them.
+_PIVOTS: Mapping[type[Distribution], tuple[str, Callable[[float, float], Distribution]]] = {
+    Normal: ("normal", Normal),
+    Lognormal: ("normal", Lognormal.of_logarithm),
+    Gumbel: ("gumbel", Gumbel),
+    Weibull: ("weibull", lambda location, scale: Weibull(1 / scale, math.exp(location))),
+    Uniform: ("uniform", lambda location, scale: Uniform(location, location + scale)),
+    LogUniform: (
         "uniform",
-        Uniform(0.0, 1.0),
-        _uniform_pair,
-        lambda location, scale: Uniform(location, location + scale),
-    ),
-    LogUniform: _Pivots(
-        "uniform",
-        Uniform(0.0, 1.0),
-        _uniform_pair,
         lambda location, scale: LogUniform(math.exp(location), math.exp(location + scale)),
-        is_of_logarithm=True,
     ),
 }
+# The members of location 0 and scale 1.
+_STANDARD: Mapping[str, Distribution] = {
+    "normal": Normal(0.0, 1.0),
+    "gumbel": Gumbel(0.0, 1.0),
+    "weibull": Weibull(1.0, 1.0),
+    "uniform": Uniform(0.0, 1.0),
+}
+
+
+def _location_and_scale(family: str, values: FloatArray) -> tuple[float, float]:
+    """Return those of the likeliest member; of the logarithm for a Weibull distribution."""
+    match maximum_likelihood(family, values):
+        case Normal(mean, std) | Gumbel(mean, std):
+            return mean, std
+        case Weibull(shape, scale):
+            return math.log(scale), 1 / shape
+        case Uniform(lower, upper):
+            return lower, upper - lower
+    raise AssertionError(family)
 
 
 def fitted_parameters(
@@ -211,7 +188,7 @@ def _draws(
             made: Iterator[Distribution] = (
                 _gamma_draws(measurements, number, rng)
                 if cls is Gamma
-                else _pivotal_draws(_PIVOTS[cls], measurements, number, rng)
+                else _pivotal_draws(cls, measurements, number, rng)
             )
             draws = tuple(made)
     except (ArithmeticError, ValueError, SettingsError):
@@ -220,15 +197,16 @@ def _draws(
 
 
 def _pivotal_draws(
-    pivots: _Pivots, measurements: FloatArray, number: int, rng: np.random.Generator
+    cls: type[Distribution], measurements: FloatArray, number: int, rng: np.random.Generator
 ) -> Iterator[Distribution]:
-    values = np.log(measurements) if pivots.is_of_logarithm else measurements
-    location, scale = pivots.pair(maximum_likelihood(pivots.family, values))
+    family, member = _PIVOTS[cls]
+    values = np.log(measurements) if cls in (Lognormal, LogUniform) else measurements
+    location, scale = _location_and_scale(family, values)
     for _ in range(number):
-        sample = pivots.standard.ppf(np.clip(rng.random(len(values)), *OPEN_INTERVAL))
-        own_location, own_scale = pivots.pair(maximum_likelihood(pivots.family, sample))
+        sample = _STANDARD[family].ppf(np.clip(rng.random(len(values)), *OPEN_INTERVAL))
+        own_location, own_scale = _location_and_scale(family, sample)
         drawn_scale = scale / own_scale
-        yield pivots.member(location - own_location * drawn_scale, drawn_scale)
+        yield member(location - own_location * drawn_scale, drawn_scale)
 
 
 def _gamma_draws(
