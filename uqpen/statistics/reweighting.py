@@ -20,7 +20,7 @@ from uqpen.distributions.distribution import OPEN_INTERVAL, Distribution
 from uqpen.distributions.input_group import InputGroup
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.distributions.univariate import Normal
-from uqpen.statistics.weights import effective_sizes
+from uqpen.statistics.weights import effective_sizes, runs_on_a_side
 
 # Rules, by their coverage in simulations (`docs/statistics.md`).
 
@@ -41,8 +41,7 @@ def effective_share(weights: FloatArray) -> FloatArray:
 
 def has_enough_on_both_sides(weights: FloatArray, events: BoolArray) -> BoolArray:
     """Check for enough effective runs with an event and without it, at any places."""
-    sizes = effective_sizes(weights * events), effective_sizes(weights * ~events)
-    return np.minimum(*sizes) >= ENOUGH_ON_A_SIDE
+    return runs_on_a_side(weights, events) >= ENOUGH_ON_A_SIDE
 
 
 # The weights.
@@ -186,8 +185,10 @@ def _has_finite_variance(drawn: JointDistribution, asked: JointDistribution) -> 
 _FURTHEST, _STEP, _FLATTEST = 300.0, 0.05, 0.01
 
 
-def _quantiles(distribution: Distribution) -> tuple[FloatArray, FloatArray]:
-    """Return quantiles from one tail to the other, and the logarithms of their shares."""
+def _values(distribution: Distribution) -> tuple[FloatArray, FloatArray]:
+    """Return single values or quantiles to both tails, and the logarithms of their shares."""
+    if (atoms := distribution.atoms()) is not None:
+        return atoms[0], np.log(atoms[1])
     logits = np.arange(-_FURTHEST, _FURTHEST + _STEP, _STEP)
     near = scipy.special.expit(-np.abs(logits))
     values = np.where(logits < 0, distribution.ppf(near), distribution.isf(near))
@@ -196,17 +197,17 @@ def _quantiles(distribution: Distribution) -> tuple[FloatArray, FloatArray]:
 
 def _never_drawn(drawn: Distribution, asked: Distribution) -> float | None:
     """Return a value that one distribution has and the other never; None where there is none."""
-    if (atoms := asked.atoms()) is not None:
-        values, shares = atoms
-    else:
-        values, logarithms = _quantiles(asked)
-        shares = np.exp(logarithms)
-    values = values[shares > OPEN_INTERVAL[0]]  # of no rarer one there is a draw
-    under, over = drawn.log_density(values), asked.log_density(values)
-    assert under is not None
-    assert over is not None
+    values, shares = _values(asked)
+    values = values[shares > math.log(OPEN_INTERVAL[0])]  # of no rarer one there is a draw
+    under, over = _log_densities(values, drawn, asked)
     missed = values[np.isneginf(under) & ~np.isneginf(over)]
     return float(missed[0]) if missed.size else None
+
+
+def _log_densities(values: FloatArray, *distributions: Distribution) -> list[FloatArray]:
+    """Return those of distributions that have one: see `reason_without_density`."""
+    found = [each.log_density(values) for each in distributions]
+    return [each for each in found if each is not None]
 
 
 @np.errstate(invalid="ignore")  # of a difference of infinite logarithms, which is left out
@@ -222,13 +223,8 @@ def _expected_weight(drawn: Distribution, asked: Distribution) -> float:
             return math.inf
         exponent = shift**2 / rest
         return math.exp(exponent) / (scale * math.sqrt(rest)) if exponent < 700 else math.inf
-    if (atoms := asked.atoms()) is not None:
-        values, shares = atoms[0], np.log(atoms[1])
-    else:
-        values, shares = _quantiles(asked)
-    over, under = asked.log_density(values), drawn.log_density(values)
-    assert over is not None
-    assert under is not None
+    values, shares = _values(asked)
+    under, over = _log_densities(values, drawn, asked)
     terms = over - under + shares
     if not asked.is_discrete and not (_decays(terms) and _decays(terms[::-1])):
         return math.inf
