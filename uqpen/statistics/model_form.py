@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import xarray as xr
 
-from uqpen.core.arrays import BoolArray, FloatArray, IntArray
+from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.blocks import LoadedDataset
 from uqpen.core.catalogue import MODEL_FORM_STATISTICS
 from uqpen.core.labels import (
@@ -85,9 +85,8 @@ def _of_output(runs: Sequence[xr.Dataset], quantity: QuantityOfInterest) -> Outp
     worst = worst.assign({name: worst[name].copy()})
     values = np.stack([np.asarray(each[name].values, dtype=np.float64) for each in runs])
     is_used = (worst[STATUS].values == Status.OK) & np.isfinite(values).all(axis=0)
-    sample = sample_of(worst, name)
     kept = np.flatnonzero(is_used)
-    sample = _with_values(sample, kept, values[0, kept], level)
+    sample = replace(sample_of(worst, name), used=kept, values=values[0, kept], level=level)
     of_value = _shares(sample, values[:, kept])
     counts = {**run_counts(LoadedDataset.of(worst)), "runs_used": int(kept.size)}
     arrays = {
@@ -111,10 +110,6 @@ def _of_output(runs: Sequence[xr.Dataset], quantity: QuantityOfInterest) -> Outp
     return {key: array.assign_attrs(counts) for key, array in arrays.items()}
 
 
-def _with_values(sample: Sample, used: IntArray, values: FloatArray, level: float) -> Sample:
-    return replace(sample, used=used, values=values, level=level)
-
-
 def _shares(sample: Sample, values: FloatArray, *, is_event: bool = False) -> Estimate:
     """Estimate the three shares from values of shape (model, run)."""
     nothing = np.full(3, np.nan)
@@ -126,35 +121,30 @@ def _shares(sample: Sample, values: FloatArray, *, is_event: bool = False) -> Es
         return Estimate.without_bounds(
             nothing, texts.CONSTANT_EVENT if is_event else texts.CONSTANT_OUTPUT
         )
-    parts = _Parts(sample, _standardized(values))
+    # Deviations over the largest, whose squares do not overflow.
+    largest = np.abs(values).max()
+    scaled = values / (largest if largest > 0 else 1.0)
+    deviations = scaled - scaled.mean()
+    shares, errors, freedom = _variance_shares(sample, deviations / np.abs(deviations).max())
     reason = sample.reason_without_intervals
     # Of one model at least: another may show the event always or never.
     if is_event and not has_enough_runs_around(sample, values.sum(axis=1)).any():
         reason = reason or texts.TOO_ONE_SIDED
     if reason:
-        return Estimate.without_bounds(parts.shares, reason)
-    half = student_quantile(parts.freedom, sample.level) * parts.errors
+        return Estimate.without_bounds(shares, reason)
+    half = student_quantile(freedom, sample.level) * errors
     label = "nominal"
     if sample.error_model is ErrorModel.SINGLE_STRATIFIED_SET:
         label = "conservative"
     method = texts.DELTA_METHOD.format(error_model=sample.error_model)
     note = "" if is_event else _tail_note(sample, values)
-    ends = parts.shares - half, np.minimum(parts.shares + half, 1.0)
-    return Estimate(parts.shares, *ends, method, label, note)
-
-
-def _standardized(values: FloatArray) -> FloatArray:
-    """Return values about their mean over the largest deviation, whose squares do not overflow."""
-    largest = np.abs(values).max()
-    scaled = values / (largest if largest > 0 else 1.0)
-    deviations = scaled - scaled.mean()
-    standardized: FloatArray = deviations / np.abs(deviations).max()
-    return standardized
+    ends = shares - half, np.minimum(shares + half, 1.0)
+    return Estimate(shares, *ends, method, label, note)
 
 
 def _tail_note(sample: Sample, values: FloatArray) -> str:
     """Return the note on the model with the heaviest tail."""
-    shapes = [_with_values(sample, sample.used, each, sample.level).shape for each in values]
+    shapes = [replace(sample, values=each).shape for each in values]
     varying = [each for each in shapes if not each.sample.is_constant]
     if not varying:
         return ""
@@ -166,59 +156,39 @@ def _tail_note(sample: Sample, values: FloatArray) -> str:
     return texts.DOUBTFUL_TAIL if heaviest.is_doubtful else ""
 
 
-class _Parts:
-    """Variances of a table of models and runs, and the errors of their shares.
+def _variance_shares(sample: Sample, values: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+    """Return the three shares, whose sum is 1, their standard errors and the degrees of freedom.
 
-    Parameters
-    ----------
-    sample : Sample
-        The runs that make up the columns.
-    values : ndarray, shape (model, run)
-
-    Attributes
-    ----------
-    shares : ndarray, shape (3,)
-        Of the models, of the runs, and of both together; their sum is 1.
-    errors : ndarray, shape (3,)
-        Standard errors of the shares, by the delta method.
-    freedom : float
-        Their degrees of freedom.
+    The errors are those of the delta method.
     """
-
-    def __init__(self, sample: Sample, values: FloatArray) -> None:
-        runs = values.shape[1]
-        unbiased = runs / (runs - 1) if runs > 1 else 1.0
-        means = values.mean(axis=1, keepdims=True)
-        deviations = values - means
-        about_mean = (means - means.mean())[:, 0]
-        of_runs = deviations.mean(axis=0)
-        differences = deviations - of_runs
-        noise, _ = standard_error(sample, differences)
-        # The scatter of the models' means by chance is not their form.
-        noise_of_form = float(np.nan_to_num(noise**2).mean())
-        form = float((about_mean**2).mean()) - noise_of_form
-        within = float((deviations**2).mean()) * unbiased
-        parameters = float((of_runs**2).mean()) * unbiased
-        total = form + within
-        shares = np.array([form, parameters, within - parameters]) / total
-        self.shares: FloatArray = np.where(np.abs(shares) < _ROUNDING, 0.0, shares)
-        influence_of_form = 2 * (about_mean[:, np.newaxis] * differences).mean(axis=0)
-        influence_of_within = (deviations**2).mean(axis=0)
-        influence_of_parameters = of_runs**2
-        parts = np.stack(
-            [
-                influence_of_form,
-                influence_of_parameters,
-                influence_of_within - influence_of_parameters,
-            ]
-        )
-        influence_of_total = influence_of_form + influence_of_within
-        influence = (parts - self.shares[:, np.newaxis] * influence_of_total) / total
-        linear, self.freedom = standard_error(sample, influence)
-        # Where the models' means agree, the error is that of the squares of the noise. The product
-        # of errors bounds their covariance.
-        squared = np.sqrt(2) * noise_of_form / total * np.array([1.0, 0.0, 0.0])
-        self.errors: FloatArray = np.sqrt(linear**2 + squared**2)
+    runs = values.shape[1]
+    unbiased = runs / (runs - 1) if runs > 1 else 1.0
+    means = values.mean(axis=1, keepdims=True)
+    deviations = values - means
+    about_mean = (means - means.mean())[:, 0]
+    of_runs = deviations.mean(axis=0)
+    differences = deviations - of_runs
+    noise, _ = standard_error(sample, differences)
+    # The scatter of the models' means by chance is not their form.
+    noise_of_form = float(np.nan_to_num(noise**2).mean())
+    form = float((about_mean**2).mean()) - noise_of_form
+    within = float((deviations**2).mean()) * unbiased
+    parameters = float((of_runs**2).mean()) * unbiased
+    total = form + within
+    shares = np.array([form, parameters, within - parameters]) / total
+    shares = np.where(np.abs(shares) < _ROUNDING, 0.0, shares)
+    influence_of_form = 2 * (about_mean[:, np.newaxis] * differences).mean(axis=0)
+    influence_of_within = (deviations**2).mean(axis=0)
+    influence_of_parameters = of_runs**2
+    influence_of_both = influence_of_within - influence_of_parameters
+    parts = np.stack([influence_of_form, influence_of_parameters, influence_of_both])
+    influence_of_total = influence_of_form + influence_of_within
+    influence = (parts - shares[:, np.newaxis] * influence_of_total) / total
+    linear, freedom = standard_error(sample, influence)
+    # Where the models' means agree, the error is that of the squares of the noise. The product
+    # of errors bounds their covariance.
+    squared = np.sqrt(2) * noise_of_form / total * np.array([1.0, 0.0, 0.0])
+    return shares, np.sqrt(linear**2 + squared**2), freedom
 
 
 # Differences between models at common points, where the random draw affects all alike.
