@@ -179,27 +179,22 @@ def _read_file(table: TableReader, declared: _Declaration) -> DataModel | None:
     if declared.missing:
         cleaned = tuple(each.without(declared.missing) for each in file.columns)
         file = replace(file, columns=cleaned)
-    columns = {column.name: column for column in file.columns}
     names = declared.inputs
     if names is None:
         no_input = {*declared.outputs, *declared.ignored, *OTHER_COLUMNS}
-        names = [name for name in columns if not {name, columns[name].heading} & no_input]
+        names = [each.name for each in file.columns if not {each.name, each.heading} & no_input]
     _check_names(table, file, declared, names)
     units = dict(_units(table, file, declared, [*names, *declared.outputs]))
     if len(table.problems) > noted:
         return None
-    variables = {*names, *declared.outputs}
-    file = replace(
-        file,
-        columns=tuple(each.coded() if each.name in variables else each for each in file.columns),
-    )
-    labels = {name: file.column(name).labels for name in units}
-    codes = (
+    columns = tuple(each.coded() if each.name in units else each for each in file.columns)
+    file = replace(file, columns=columns)
+    labels = {name: file.by_name[name].labels for name in units}
+    coded = "; ".join(
         f"{name} as {', '.join(f'{code} {label}' for code, label in enumerate(labels[name]))}"
         for name in names
         if labels[name]
     )
-    coded = "; ".join(codes)
     described = {
         name: (name, si_unit(unit), titles.get(name, ""), unit) for name, unit in units.items()
     }
@@ -220,7 +215,7 @@ def _read_file(table: TableReader, declared: _Declaration) -> DataModel | None:
     treatment = {"missing": json.dumps(declared.missing)} if declared.missing else {}
     if declared.drops:
         treatment["drop"] = BLANK_INPUTS
-    alone = ((name, file.column(name).distant_text()) for name in units)
+    alone = ((name, file.by_name[name].distant_text()) for name in units)
     return DataModel(
         name=file.name,
         inputs=inputs,
@@ -265,7 +260,7 @@ def _check_names(
     table: TableReader, file: DataFile, declared: _Declaration, inputs: Sequence[str]
 ) -> None:
     """Note names that the file has no column of, or that cannot be those of variables."""
-    columns = [column.name for column in file.columns]
+    columns = [*file.by_name]
     by_heading = {each.heading: each.name for each in file.columns if each.heading}
     if not inputs:
         table.add_problem(DATA, f"no input in {file.name}", "a column for each input")
@@ -288,7 +283,7 @@ def _check_names(
                 )
     for name in filter(columns.__contains__, [*inputs, *declared.outputs]):
         if not NAME.match(name) or name in RESERVED:
-            heading = file.column(name).heading or name
+            heading = file.by_name[name].heading or name
             expected = f'{_as_variable(name, heading)}; ignore = ["{name}"] leaves it out'
             table.add_problem(DATA, f'a column "{heading}" in {file.name}', expected)
     for name in {*inputs} & {*declared.outputs}:
@@ -307,9 +302,8 @@ def _units(
     table: TableReader, file: DataFile, declared: _Declaration, names: Sequence[str]
 ) -> Iterator[tuple[str, str]]:
     """Yield the unit of each column: the one that the study states, else that of its heading."""
-    columns = {column.name: column for column in file.columns}
-    for name in filter(columns.__contains__, names):
-        written, stated = columns[name].unit, declared.units.get(name)
+    for name in filter(file.by_name.__contains__, names):
+        written, stated = file.by_name[name].unit, declared.units.get(name)
         unit = stated or written or DIMENSIONLESS
         try:
             si_unit(unit)

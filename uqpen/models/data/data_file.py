@@ -222,14 +222,9 @@ class DataFile:
         """Number of its rows."""
         return len(self.columns[0].entries) if self.columns else 0
 
-    def column(self, name: str) -> DataColumn:
-        """Return the column of a name; TableError if there is none."""
-        if name not in self._by_name:
-            raise TableError(f'{self.name} has no column "{name}"')
-        return self._by_name[name]
-
     @cached_property
-    def _by_name(self) -> dict[str, DataColumn]:
+    def by_name(self) -> dict[str, DataColumn]:
+        """The columns by their names."""
         return {column.name: column for column in self.columns}
 
 

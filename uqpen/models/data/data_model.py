@@ -77,12 +77,12 @@ def data_points(
 
     SettingsError if entries are blank or no finite numbers, with the rows of all of them.
     """
-    numbers = {each.name: file.column(each.name).numbers() for each in inputs}
+    numbers = {each.name: file.by_name[each.name].numbers() for each in inputs}
     problems = []
     for name, values in numbers.items():
         bad = np.flatnonzero(~np.isfinite(values)).tolist()
         if bad:
-            column = file.column(name)
+            column = file.by_name[name]
             more = "".join(
                 f", {column.place(row).rpartition(', ')[2]}" for row in bad[1:_MOST_ROWS]
             )
@@ -103,7 +103,7 @@ def without_blank_inputs(file: DataFile, inputs: Sequence[str]) -> tuple[DataFil
 
     SettingsError if no row is left.
     """
-    blank = {name: np.isnan(file.column(name).numbers()) for name in inputs}
+    blank = {name: np.isnan(file.by_name[name].numbers()) for name in inputs}
     is_dropped = np.any([*blank.values()], axis=0)
     if not is_dropped.any():
         return file, ""
@@ -124,13 +124,13 @@ def data_results(file: DataFile, outputs: Sequence[Output], units: Mapping[str, 
     """
     status, reasons = _stated(file)
     found = {
-        each.name: _in_si(file.column(each.name).numbers(), units[each.name]) for each in outputs
+        each.name: _in_si(file.by_name[each.name].numbers(), units[each.name]) for each in outputs
     }
     for kind, test in ((Status.FAILED, np.isnan), (Status.NOT_FINITE, np.isinf)):
         for name, values in found.items():
             for run in np.flatnonzero((status == Status.OK) & test(values)).tolist():
                 status[run] = kind
-                missing = kind == Status.FAILED and (file.column(name).entry_text(run) or "blank")
+                missing = kind == Status.FAILED and (file.by_name[name].entry_text(run) or "blank")
                 reasons[run] = reasons.get(run) or f"{name} is {missing or 'infinite'}"
     is_ok = status == Status.OK
     reasons = {
@@ -148,10 +148,10 @@ def data_coordinates(file: DataFile, variables: Sequence[Variable]) -> dict[str,
     SettingsError if a replicate is no whole number of 0 or more, or a weight no number of 0 or
     more.
     """
-    known = {column.name for column in file.columns} - {each.name for each in variables}
+    known = file.by_name.keys() - {each.name for each in variables}
     found: dict[str, FloatArray] = {}
     if REPLICATE in known:
-        replicates = file.column(REPLICATE)
+        replicates = file.by_name[REPLICATE]
         stated = _complete(replicates)
         broken = np.flatnonzero(stated != np.floor(stated))
         if broken.size:
@@ -161,7 +161,7 @@ def data_coordinates(file: DataFile, variables: Sequence[Variable]) -> dict[str,
         _, numbers = np.unique(stated, return_inverse=True)
         found[REPLICATE] = numbers.astype(np.float64)
     if WEIGHT in known:
-        found[WEIGHT] = _complete(file.column(WEIGHT))
+        found[WEIGHT] = _complete(file.by_name[WEIGHT])
     return found
 
 
@@ -182,7 +182,7 @@ def _in_si(numbers: FloatArray, unit: str) -> FloatArray:
 
 def _stated(file: DataFile) -> tuple[npt.NDArray[np.int8], dict[int, str]]:
     """Return the statuses and reasons that a file states; without a status, a run is ok so far."""
-    columns = {column.name: column for column in file.columns}
+    columns = file.by_name
     status = np.full(file.rows, Status.OK, dtype=np.int8)
     if STATUS in columns:
         for run, text in enumerate(columns[STATUS].texts()):
