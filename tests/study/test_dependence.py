@@ -159,13 +159,10 @@ class TestDependence:
     @pytest.mark.parametrize(
         ("matrix", "key", "found", "expected"),
         [
-            ("[[1, 0.5]]", "matrix", "another size", "2 rows of 2"),
             ("[1, 0.5]", "matrix[0]", "1", "a row"),
             ('[[1, "a"], [0.5, 1]]', "matrix[0][1]", '"a"', "a number"),
             ("[[1, 0.5], [0.4, 1]]", "matrix[1][0]", "0.4", "symmetric"),
             (f"[[1, 9{'0' * 400}], [1.5, 1]]", "matrix[0][1]", "9", "between -1 and 1"),
-            ("[[1, 1.5], [1.5, 1]]", "matrix[0][1]", "1.5", "between -1 and 1"),
-            ("[[0.9, 0.5], [0.5, 1]]", "matrix[0][0]", "0.9", "1 on the diagonal"),
         ],
     )
     def test_a_wrong_matrix_is_reported(self, matrix, key, found, expected):
@@ -179,12 +176,6 @@ class TestDependence:
         ("lines", "key", "found", "expected"),
         [
             ("matrix = [[1, 0.5], [0.5, 1]]", "inputs", "nothing", "the random inputs"),
-            (
-                'inputs = ["x1", "x1"]\nmatrix = [[1, 0.5], [0.5, 1]]',
-                "inputs[1]",
-                '"x1"',
-                "each input once",
-            ),
             (
                 'inputs = ["x1", "x2", "x3"]\n'
                 "matrix = [[1, 0.9, 0.9], [0.9, 1, -0.9], [0.9, -0.9, 1]]",
@@ -220,12 +211,8 @@ class TestDependence:
         ("lines", "key", "expected"),
         [
             ('"clayton"\ninputs = ["x1", "x2"]\n', "theta", "above 0"),
-            ('"clayton"\ninputs = ["x1", "x2"]\ntheta = "2"\n', "theta", "above 0 and below 16"),
-            ('"gumbel"\ninputs = ["x1", "x2"]\ntheta = 1\n', "theta", "above 1"),
             (f'"clayton"\ninputs = ["x1", "x2"]\ntheta = 1{"0" * 400}\n', "theta", "below 16"),
-            ('"clayton"\ninputs = ["x1", "x2"]\ntheta = true\n', "theta", "a number above 0"),
             ('"clayton"\ntheta = 1\n', "inputs", "the random inputs that it joins"),
-            ('"clayton"\ninputs = ["x1"]\ntheta = 1\n', "inputs", "at least two"),
             ('"clayton"\ninputs = ["x1", 3]\ntheta = 1\n', "inputs[1]", "a random input"),
             ('"joe"\ninputs = ["x1", "x2"]\ntheta = 2\nof = "ranks"\n', "of", "known: copula"),
             ('"student"\n' + PAIRS, "of", '"kendall"'),
