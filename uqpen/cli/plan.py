@@ -145,10 +145,12 @@ def _noise_texts(tree: xr.DataTree, most: float) -> Iterator[Any]:
     from uqpen.results.repeats import noise_plans
 
     for model in model_trees(tree):
-        for plan in noise_plans(ArchiveView(tree, model), math.ceil(most)):
-            yield plan.sentence
-            yield plain_table(plan.head, plan.rows)
-            yield f"{plan.advice}\n"
+        for sentence, (head, *rows), advice in noise_plans(
+            ArchiveView(tree, model), math.ceil(most)
+        ):
+            yield sentence
+            yield plain_table(head, rows)
+            yield f"{advice}\n"
 
 
 def _disk_text(runs: float, without_runs: float, free: float, *, keeps_runs: bool) -> str:

@@ -62,21 +62,15 @@ def repeat_widths(noise_share: float, runs: int, repeats: int) -> RepeatWidths:
     return RepeatWidths(repeats, points, math.sqrt(between / max(points, 1)), share, of_mean)
 
 
-class NoisePlan(NamedTuple):
-    """Widths of intervals by the number of runs at each point, for an output with noise."""
-
-    sentence: str
-    head: tuple[str, ...]
-    rows: list[tuple[str, ...]]
-    advice: str
-
-
 # Numbers of runs for which widths are shown where no target says how many are needed.
 _RUNS = 1000
 
 
-def noise_plans(view: ArchiveView, runs: int) -> Iterator[NoisePlan]:
-    """Yield for each output with a noise share what a number of runs says by several repeats."""
+def noise_plans(view: ArchiveView, runs: int) -> Iterator[tuple[str, list[tuple[str, ...]], str]]:
+    """Yield what a number of runs says by several repeats, for each output with a noise share.
+
+    It is a sentence, the head and the rows of a table of widths, and an advice.
+    """
     runs = runs or _RUNS
     for output in view.numeric_outputs:
         shares = view.estimates(output, "noise_share")
@@ -84,7 +78,10 @@ def noise_plans(view: ArchiveView, runs: int) -> Iterator[NoisePlan]:
         if not math.isfinite(share):
             continue
         best = best_repeats(share)
-        rows = []
+        of_mean = "sd of the mean given the inputs, relative"
+        rows: list[tuple[str, ...]] = [
+            ("runs at a point", "points", "mean / sd", "noise share", of_mean)
+        ]
         for repeats in sorted({1, 2, 3, 5, best}):
             found = repeat_widths(share, runs, repeats)
             # Two standard errors are about the half-width of an interval of 95 %.
@@ -93,12 +90,8 @@ def noise_plans(view: ArchiveView, runs: int) -> Iterator[NoisePlan]:
                 f"± {number_text(each, 2)}" if math.isfinite(each) else "unknown" for each in halves
             )
             rows.append((str(repeats), grouped_number(found.points), *cells))
-        yield NoisePlan(
+        yield (
             next(noise_sentences(view, output), f"{output}: the noise share has no interval."),
-            (
-                *("runs at a point", "points", "mean / sd", "noise share"),
-                "sd of the mean given the inputs, relative",
-            ),
             rows,
             f"With {grouped_number(runs)} runs in all. Means, quantiles and indices of the whole "
             "output are known best with one run at each point, indices of the mean given the "
