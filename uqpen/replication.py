@@ -20,6 +20,7 @@ from uqpen.core.lookup import choices
 from uqpen.core.streams import Stream
 from uqpen.distributions.orthogonal_polynomials import recurrence
 from uqpen.execution import Map, Progress
+from uqpen.results.table import json_value
 from uqpen.statistics.published import (
     Publication,
     Reading,
@@ -281,10 +282,7 @@ def _result_json(result: ReadingResult) -> dict[str, Any]:
         "runs": result.moments.runs,
         "p": result.moments.p,
         "is_rejected": result.is_rejected,
-        "figures": [
-            {**each._asdict(), "z": each.z if math.isfinite(each.z) else None}
-            for each in result.moments.figures
-        ],
+        "figures": [{**each._asdict(), "z": json_value(each.z)} for each in result.moments.figures],
         "responses": _printed_json(result.responses),
         "uncertainties": _printed_json(result.uncertainties),
         "contradictions": result.contradictions,
@@ -293,10 +291,6 @@ def _result_json(result: ReadingResult) -> dict[str, Any]:
 
 def _printed_json(figures: Sequence[PrintedFigure]) -> list[Mapping[str, Any]]:
     return [
-        {
-            **each._asdict(),
-            "found": each.found if math.isfinite(each.found) else None,
-            "agrees": each.agrees,
-        }
+        {**each._asdict(), "found": json_value(each.found), "agrees": each.agrees}
         for each in figures
     ]
