@@ -86,8 +86,8 @@ def driver_sentences(view: ArchiveView, output: str) -> Iterator[str]:
     ranking = input_ranking(view, output)
     if ranking is None:
         return
-    name, (first, *others) = output_name(view, output), list(ranking.estimates)
-    name = f"the logarithm of {name}" if ranking.is_of_logarithm else name
+    first, *others = ranking.estimates
+    name = "the logarithm of " * ranking.is_of_logarithm + output_name(view, output)
     text = _estimate_text(ranking.estimates[first])
     if not has_interval(ranking.estimates[first].values):
         text = f"{text} by {ranking.source}, without an interval"
@@ -104,7 +104,6 @@ def driver_sentences(view: ArchiveView, output: str) -> Iterator[str]:
         yield f"{start} {_share_text(view, ranking, part, text)}"
     if further := _next_inputs(view, ranking, others):
         yield f"Next: {further}."
-    measure = ranking.statistic.measure
     if measure.share != "alone" or index_titles(view.tree).is_dependent:
         return
     alone: Ranking | None = ranking
@@ -139,13 +138,12 @@ def _share_text(view: ArchiveView, ranking: Ranking, part: str, text: str) -> st
 def _next_inputs(view: ArchiveView, ranking: Ranking, others: list[str]) -> str:
     measure = ranking.statistic.measure
     if not measure.share and "{estimate}" not in measure.sentence:
-        shown = others[:_NEXT]
-        return " and ".join(input_label(view, each) for each in shown)
-    shown = [each for each in others if abs(float(ranking.estimates[each].values[0])) >= _LEAST][
-        :_NEXT
-    ]
-    texts = {each: _estimate_text(ranking.estimates[each]) for each in shown}
-    return " and ".join(f"{input_label(view, each)} ({text})" for each, text in texts.items())
+        return " and ".join(input_label(view, each) for each in others[:_NEXT])
+    shown = [each for each in others if abs(float(ranking.estimates[each].values[0])) >= _LEAST]
+    return " and ".join(
+        f"{input_label(view, each)} ({_estimate_text(ranking.estimates[each])})"
+        for each in shown[:_NEXT]
+    )
 
 
 def _exceeds(total: xr.DataArray, first: xr.DataArray) -> bool:
@@ -235,9 +233,8 @@ def _responses(view: ArchiveView, output: str, publication: str) -> Iterator[str
 
 
 def _largest_contribution(view: ArchiveView, output: str, publication: str) -> Iterator[str]:
-    named, ranking = view.statistics.largest_contribution(publication, output), None
-    if named:
-        ranking = input_ranking(view, output)
+    named = view.statistics.largest_contribution(publication, output)
+    ranking = input_ranking(view, output) if named else None
     if ranking is None:
         return
     here = next(iter(ranking.estimates))
@@ -245,9 +242,7 @@ def _largest_contribution(view: ArchiveView, output: str, publication: str) -> I
         yield f"the largest contribution is the same ({input_label(view, named)})"
         return
     own, other = (
-        no_break(estimate_text(*ranking.estimates[name].values.tolist()))
-        if name in ranking.estimates
-        else "no estimate"
+        _estimate_text(ranking.estimates[name]) if name in ranking.estimates else "no estimate"
         for name in (here, named)
     )
     yield (
@@ -330,9 +325,8 @@ def alerts(
         )
     for name in group_names(view.tree, SURROGATES):
         outputs: dict[str, list[str]] = {}
-        for output, reason in refuted_outputs(
-            view.tree.children[SURROGATES].children[name]
-        ).items():
+        surrogate = view.tree.children[SURROGATES].children[name]
+        for output, reason in refuted_outputs(surrogate).items():
             outputs.setdefault(reason, []).append(output_name(view, output))
         for reason, those in outputs.items():
             yield Alert(
@@ -342,11 +336,15 @@ def alerts(
                 "Take the estimates of the runs, or fit another kind, transform or more runs.",
             )
     named: dict[str, dict[str, list[str]]] = {}
-    for quantity in _with_moments(view, quantities):
-        estimate = quantity.leading_estimate(design)
+    estimates = [
+        (quantity, estimate)
+        for quantity in _with_moments(view, quantities)
+        if (estimate := quantity.leading_estimate(design)) is not None
+    ]
+    for quantity, estimate in estimates:
         # That of a probability says how it counts failed runs, as the page does once.
         is_said = quantity.is_probability and missing_count(view, design) > 0
-        if estimate is not None and not is_said and (note := telling_note(estimate)):
+        if not is_said and (note := telling_note(estimate)):
             outputs_of = named.setdefault(note, {}).setdefault(quantity.label, [])
             outputs_of.append(output_name(view, quantity.output))
     if named:
@@ -360,10 +358,8 @@ def alerts(
         )
     yield from _scale_alerts(view, design, quantities)
     yield from _input_alerts(view, design)
-    estimates = [each.leading_estimate(design) for each in _with_moments(view, quantities)]
-    known = [each for each in estimates if each is not None]
-    assumes = any(map(assumes_short_tails, known))
-    yield _scope_alert(view, design, few_runs=assumes)
+    few_runs = any(assumes_short_tails(estimate) for _, estimate in estimates)
+    yield _scope_alert(view, design, few_runs=few_runs)
 
 
 def _point_alerts(view: ArchiveView, design: str) -> Iterator[Alert]:
@@ -435,13 +431,9 @@ def _names_text(outputs: Mapping[str, Sequence[str]]) -> str:
 def _input_alerts(view: ArchiveView, design: str) -> Iterator[Alert]:
     condition = view.statistics.run_accounts(design).get(CONDITIONAL)
     runs = view.design(design).runs
-    excluded = status_counts(runs)[Status.INADMISSIBLE]
-    if condition and excluded >= _MANY * run_count(runs):
-        runs = view.design(design).runs
-        count = status_counts(runs)[Status.INADMISSIBLE]
-        some = (
-            f"{grouped_number(count)} of the {grouped_number(run_count(runs))} points of {design}"
-        )
+    count, every = status_counts(runs)[Status.INADMISSIBLE], run_count(runs)
+    if condition and count >= _MANY * every:
+        some = f"{grouped_number(count)} of the {grouped_number(every)} points of {design}"
         were = "was" if count == 1 else "were"
         yield Alert(
             "Inadmissible",
@@ -484,12 +476,13 @@ def _input_alerts(view: ArchiveView, design: str) -> Iterator[Alert]:
             "inputs.",
             "Check how they were chosen.",
         )
-    if dropped := str(attributes.get(DROPPED_ROWS, "")):
-        yield Alert("Rows", f"{dropped}.", "If they differ from the others, so do the statistics.")
-    if distant := str(attributes.get(DISTANT_VALUES, "")):
-        yield Alert("Values", f"{distant}.", "If they stand for none, name them in missing.")
-    if coded := str(attributes.get(CODED_INPUTS, "")):
-        yield Alert("Codes", f"{coded}.", "The order of these codes has no part in any number.")
+    for key, kind, remedy in (
+        (DROPPED_ROWS, "Rows", "If they differ from the others, so do the statistics."),
+        (DISTANT_VALUES, "Values", "If they stand for none, name them in missing."),
+        (CODED_INPUTS, "Codes", "The order of these codes has no part in any number."),
+    ):
+        if said := str(attributes.get(key, "")):
+            yield Alert(kind, f"{said}.", remedy)
     agreement = str(attributes.get(AGREEMENT, ""))
     if agreement and CONTRADICTED_DISTRIBUTIONS not in attributes:
         yield Alert(
@@ -501,13 +494,13 @@ def _input_alerts(view: ArchiveView, design: str) -> Iterator[Alert]:
 
 
 def _measured_alert(view: ArchiveView, design: str) -> Iterator[Alert]:
-    fitted = {
-        name: view.attributes(name)
-        for name in view.design(design).random_inputs
-        if "fit_measurements" in view.attributes(name)
+    fitted = {name: view.attributes(name) for name in view.design(design).random_inputs}
+    counts = {
+        name: str(each["fit_measurements"])
+        for name, each in fitted.items()
+        if "fit_measurements" in each
     }
-    counts = {name: str(each["fit_measurements"]) for name, each in fitted.items()}
-    if uncertain := [name for name, each in fitted.items() if UNCERTAIN_FIT in each]:
+    if uncertain := [name for name in counts if UNCERTAIN_FIT in fitted[name]]:
         fits = ", ".join(f"{name} ({counts[name]})" for name in uncertain)
         yield Alert(
             "Uncertain inputs",

@@ -119,7 +119,7 @@ class QuotedStatistic:
         """Return the text in brackets after an estimate: its interval, or why it has none."""
         _, lower, upper = self.texts(array)
         has_lower, has_upper = np.isfinite(self.bounds(array)[1:]).tolist()
-        level = f"{no_break(percent_text(array.attrs.get(INTERVAL_LEVEL, np.nan)))} interval"
+        level = f"{_level(array)} interval"
         if equivalent := equivalent_runs_text(array):
             level += f", as from {no_break(equivalent)} plain runs"
         if has_lower and has_upper:
@@ -376,8 +376,7 @@ def _verdict(quantity: QuotedStatistic, array: xr.DataArray, design: str) -> Fin
     """Return how often an output lies beyond a limit, and whether the study accepts that."""
     name = capitalized(output_name(quantity.view, quantity.output))
     estimate, lower, upper = quantity.texts(array)
-    counts = status_counts(quantity.view.design(design).runs)
-    runs = grouped_number(counts[Status.OK])
+    runs = grouped_number(status_counts(quantity.view.design(design).runs)[Status.OK])
     level = _level(array)
     text = f"in {estimate} of cases {quantity.interval(array)}."
     counts_events = not is_corrected(array)
@@ -558,12 +557,9 @@ def rare_event_findings(view: ArchiveView) -> Iterator[Finding]:
         if joint is None or view.design(design).sampling is not Sampling.TOWARDS_EVENT:
             continue
         for array, finding in zip(joint, joint_findings(view, design), strict=True):
-            caveat = (
-                f" {capitalized(estimate_remark(array))}." if has_interval(array.values) else ""
-            )
-            yield finding._replace(text=f"By {design}: {finding.text}{caveat}")
-    found = {design: view.statistics.joint_probability(design) for design in view.designs}
-    arrays = {design: array for design, array in found.items() if array is not None}
+            remark = f" {capitalized(estimate_remark(array))}." * has_interval(array.values).item()
+            yield finding._replace(text=f"By {design}: {finding.text}{remark}")
+    arrays = view.statistics.joint_probabilities()
     of_events = {each for each in arrays if view.design(each).sampling is Sampling.TOWARDS_EVENT}
     for each in disagreements(arrays):
         if of_events & {each.first, each.second}:
@@ -575,8 +571,7 @@ def _stated(array: xr.DataArray) -> str:
     value, lower, upper = map(no_break, percent_texts(*array.values.tolist()))
     if not has_interval(array.values):
         return f"{value} of cases (without an interval: {estimate_remark(array)})"
-    level = no_break(percent_text(array.attrs[INTERVAL_LEVEL]))
-    return f"{value} of cases ({lower} to {upper}, {level} interval)"
+    return f"{value} of cases ({lower} to {upper}, {_level(array)} interval)"
 
 
 def decision_findings(view: ArchiveView) -> Iterator[Finding]:
