@@ -68,7 +68,7 @@ def _show_model(model: Model) -> None:
     from uqpen.core.settings import declared_settings
 
     console = standard_output()
-    console.print(model.name, style="bold")
+    console.print(model.name, style="bold", markup=False)
     for paragraph in _paragraphs(type(model)):
         console.print(paragraph, markup=False)
     inputs = []

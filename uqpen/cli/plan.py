@@ -129,7 +129,7 @@ def _show_required_runs(
     console.print(plain_table(["target", "runs", "90 % interval", "time"], rows))
     console.print(f"\n{_REMARK}\n", markup=False)
     for text in _noise_texts(tree, most):
-        console.print(text)
+        console.print(text, markup=False)
     if most > RUNS_IN_MEMORY:
         without_runs = archive.stat().st_size + bytes_of_hashes(most * len(study.models))
         free = shutil.disk_usage(archive.parent).free
