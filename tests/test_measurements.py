@@ -1,5 +1,6 @@
 """Measurements: covariance and likelihood against exact answers, places, repeats, rows by value."""
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -169,6 +170,12 @@ def test_places_between_coordinates_are_linear(tmp_path):
 def test_errors_along_a_curve_are_correlated_by_their_distance(tmp_path):
     found = measured(tmp_path, LINE.replace('"none"', "{ x = 2 }"))
     assert found.covariance(found.values)[0] / 0.04 == pytest.approx(np.exp([0, -0.5, -1, -1.5]))
+    text = LINE.replace('"none"', "{ x = 2 }").replace("x = [0,", "rig = [1, 1, 2, 2]\nx = [0,")
+    found = measured(
+        tmp_path, text.replace("[measured.line]", '[measured.line]\nexperiment = "rig"')
+    )
+    exact = [1, math.exp(-0.5), 0, 0]  # not with those of another experiment
+    assert found.covariance(found.values)[0] / 0.04 == pytest.approx(exact)
 
 
 ROWS = "x,y,above,rig,sd\n0,1.1,0,left,0.1\n1,,0,left,0.1\n1,2.9,0,right,0.2\n1,3.1,0,right,0.2\n"
@@ -291,6 +298,8 @@ def test_a_validation_has_a_row_for_each_measured_value(rods):
     label = "1, impact_velocity 1050 m/s, projectile_length 16 cm"
     assert rows[label][0] == "479 ± 13"
     assert rows[label][-1] == "not decided"
+    (*_, bound) = rows.values()
+    assert bound[0] == "≥ 483 ± 15"
     json = archive_json(rods)["designs"]["prior"]["validation"]["penetration_depth"]
     assert json["units"] == "m"
 

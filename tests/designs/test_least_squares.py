@@ -11,6 +11,7 @@ from scipy import optimize, stats
 import uqpen
 from uqpen.archive.structure import find_faults
 from uqpen.core.errors import StudyError
+from uqpen.core.labels import INTERVAL_LEVEL
 from uqpen.designs.least_squares import (
     NO_AXIS,
     NOISE_AXIS,
@@ -115,6 +116,16 @@ def test_profile_intervals_are_those_of_nested_fits():
         assert abs(sum(bounds) / 2 - at) > 0.02 * error
 
 
+def test_a_profile_comes_to_its_end_where_a_step_first_leads_into_failed_runs():
+    def residuals(z):
+        return np.where(np.abs(z) < 1.6, np.sinh(z), np.nan)
+
+    # The first step, of the straight line, is 1.96 long.
+    found, *_ = fitted(residuals, [[0.3]], level=0.95)
+    end = math.asinh(NORMAL_95)
+    assert found.profile_bounds(0) == pytest.approx((-end, end), rel=1e-3)
+
+
 def test_an_interval_over_which_the_model_bends_says_so():
     found, *_ = fitted(lambda z: np.array([np.exp(2 * z[0]) - 1.3]) / 0.6, [[0.0]], level=0.95)
     assert "not linear" in str(found.estimate(0).note)
@@ -175,6 +186,11 @@ def test_the_noise_of_a_model_decides_the_step():
     assert noise.size == pytest.approx(1e-6, rel=0.5)
     assert noise.step == pytest.approx((3e-6 / noise.slope) ** (1 / 3), rel=0.3)
     assert ModelNoise.of(smooth, 1e-4).step == 1e-4
+    # Differences of third order of numbers ± e are ± 8 e, and those of a straight line are 0.
+    number = np.arange(9.0)[:, np.newaxis]
+    noise = ModelNoise.of(0.005 * number + 1e-3 * (-1) ** number, 1e-2)
+    assert noise.size == pytest.approx(8e-3 / math.sqrt(20))
+    assert noise.slope == pytest.approx(0.5)
 
 
 def test_noise_is_measured_again_where_a_search_ends():
@@ -239,12 +255,19 @@ def decayed(amount, rate, idle):
     return {"left": np.where(amount[:, np.newaxis] > 9, np.nan, left)}
 
 
-def study(measured=DECAY, designs=None, **settings):
+def study(measured=DECAY, designs=None, confidence_level=0.95, **settings):
     units = {"amount": "kg", "rate": "1/s", "idle": "1"}
     left = uqpen.OutputSpec(unit="kg", along={"time": {"values": TIMES.tolist(), "unit": "s"}})
     model = uqpen.PythonModel(decayed, units, {"left": left}, vectorized=True)
     designs = designs or {"fit": LeastSquares(measured=("decay",), **settings)}
-    return uqpen.Study(model, INPUTS, designs=designs, measured={"decay": measured}, seed=1)
+    return uqpen.Study(
+        model,
+        INPUTS,
+        designs=designs,
+        measured={"decay": measured},
+        confidence_level=confidence_level,
+        seed=1,
+    )
 
 
 @pytest.fixture(scope="module")
@@ -266,6 +289,15 @@ def test_an_archive_has_the_fit(tree):
     runs = tree["runs/fit"]
     assert (runs["idle"] == 0).all()
     assert (runs["rate"] > 0).all()
+    assert {runs[f"search_{each}"].dtype for each in ("start", "origin")} == {np.dtype(np.int64)}
+
+
+def test_intervals_have_the_level_of_the_study_and_profiles_their_own():
+    group = uqpen.run(study(confidence_level=0.8))["calibrations/fit"]
+    levels = [group[f"{of}_value"].attrs[INTERVAL_LEVEL] for of in ("unknown", "profile")]
+    assert levels == [0.8, 0.95]
+    value, lower, _ = group["unknown_value"].values.T
+    assert value - lower == pytest.approx(stats.norm.ppf(0.9) * group["standard_error"].values)
 
 
 def test_tables_and_json_have_the_fit(tree):

@@ -243,6 +243,9 @@ def test_what_the_measurements_say_nothing_of_is_not_learnt():
     assert isinstance(found, PosteriorSample)
     assert found.learnt == pytest.approx([1 - 0.1 / math.sqrt(1 + 0.01 / 9) / 3, 0.0], abs=0.03)
     assert np.all(found.effective_draws <= 2000)
+    means = found.draws.mean(axis=1)
+    interval = stats.t.interval(0.95, len(means) - 1, means.mean(axis=0), stats.sem(means))
+    assert found.mean.bounds.T[1:] == pytest.approx(np.array(interval))
 
 
 # Studies with measurements.
@@ -273,6 +276,10 @@ def test_a_study_keeps_the_posterior_of_a_line(tmp_path):
     assert kept["log_evidence"].values[0] == pytest.approx(-7.6099, abs=0.3)
     assert kept["prior_std"].values == pytest.approx([10.0, 10.0], rel=0.05)
     assert kept["posterior_mean"].attrs["interval_level"] == 0.95
+    draws = tree["runs/fit/draw"].values.tolist()
+    assert draws == [*range(len(draws))]
+    names = [kept[each].attrs["long_name"] for each in ("posterior_mean", "log_evidence")]
+    assert names == ["unknowns, each in its SI unit", "logarithm of the evidence"]
     names = [table.title for table in output_tables(tree)]
     assert {"fit: posterior", "fit: fit"} <= {*names}
     assert archive_json(tree)["designs"]["fit"]["calibrations"]["sampled_well"] in (0.0, 1.0)
@@ -608,6 +615,7 @@ def test_blank_rows_are_predicted_with_the_error_of_the_model(machine):
     kept = tree["calibrations/with/sample_stats"]["draw_number"].values
     assert set(runs["draw"].values[blank]).isdisjoint(runs["draw"].values[~blank])
     assert set(runs["parent_draw"].values[blank]) == set(kept.ravel())
+    assert (runs["least_log_likelihood"].values[blank] == -np.inf).all()  # each is kept
 
 
 def test_a_process_that_grows_from_0_is_predicted_outside_of_the_measurements():

@@ -52,6 +52,17 @@ TABLE = "x = [0, 1, 2, 3]\ny = [1.1, 2.9, 5.2, 6.8]"
             'y.std: found "repeats" with 0 repeats; expected at least 5',
         ),
         (
+            f"{TABLE}\n[measured.line.y]\nstd = 0.2",
+            'x = [0, 0, 1, 1]\ny = [1, 2, 3, 4]\n[measured.line.y]\nstd = "repeats"',
+            'y.std: found "repeats" with 2 repeats; expected at least 5',
+        ),
+        (f"[measured.line.table]\n{TABLE}", "file = 3", "line.file: found 3; expected the name of"),
+        (
+            f"[measured.line.table]\n{TABLE}",
+            'experiment = "rig"\ntable = { x = [0], y = [1] }',
+            'line.experiment: found "rig"; expected a column',
+        ),
+        (
             "std = 0.2",
             'std = 0.2\nat_least = "x"',
             'y.at_least: found "x"; expected a column of 0 and 1',

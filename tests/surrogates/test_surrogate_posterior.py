@@ -332,6 +332,16 @@ def test_what_a_surrogate_has_too_many_of_or_cannot_have_is_refused(tmp_path):
     assert 'kind = "posterior"; or a study of each value' in found
 
 
+def test_a_discrepancy_is_refused(tmp_path):
+    prior = "{ half-normal = 1 }"
+    discrepancy = f'discrepancy = {{ along = "x", std = {prior}, length = {prior} }}'
+    (tmp_path / "line.py").write_text(MODEL)
+    with pytest.raises(StudyError, match="a discrepancy, which no surrogate is certified beside"):
+        uqpen.parse_study(
+            POSTERIOR.replace("std = 0.2", f"std = 0.2\n{discrepancy}"), folder=tmp_path
+        )
+
+
 @pytest.mark.processor
 def test_neither_interruptions_nor_workers_change_a_byte(tmp_path):
     design = f"""kind = "posterior-by-surrogate"
