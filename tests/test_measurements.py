@@ -86,12 +86,12 @@ def test_an_error_that_all_rows_share_widens_the_offset_alone(tmp_path):
     assert evidence == pytest.approx(-7.6102968019, abs=1e-9)
 
 
-def bounds(tmp_path):
+def bounds(tmp_path, std="0.5"):
     text = LINE.replace('unknown = ["a", "b"]', 'unknown = ["a"]\nfixed = ["b"]')
     text = text.replace(
         "x = [0, 1, 2, 3]\ny = [1.1, 2.9, 5.2, 6.8]", "x = [0, 0]\ny = [0.8, 1.0]\nabove = [0, 1]"
     )
-    return measured(tmp_path, text.replace("std = 0.2", 'std = 0.5\nat_least = "above"'))
+    return measured(tmp_path, text.replace("std = 0.2", f'std = {std}\nat_least = "above"'))
 
 
 def test_a_bound_counts_by_the_probability_beyond_it(tmp_path):
@@ -109,6 +109,14 @@ def test_a_bound_counts_by_the_probability_beyond_it(tmp_path):
     (residuals,) = found.likelihood(found.covariance(found.values)).residuals(np.full((1, 2), 0.4))
     tail = stats.norm.sf((1 - 0.4) / 0.5)
     assert residuals == pytest.approx([(0.4 - 0.8) / 0.5, np.sqrt(-2 * np.log(tail))])
+
+
+def test_a_bound_counts_by_the_error_that_is_a_share_of_the_result(tmp_path):
+    found = bounds(tmp_path, '"50 %"')
+    at = np.array([2.0, np.nan, 0.4])
+    exact = stats.norm.logpdf(0.8, at, at / 2) + stats.norm.logsf(1.0, at, at / 2)
+    density = found.log_likelihood(np.repeat(at[:, np.newaxis], 2, axis=1))
+    assert density == pytest.approx(exact, nan_ok=True)
 
 
 def test_an_error_of_unknown_size_has_its_exact_evidence(tmp_path):

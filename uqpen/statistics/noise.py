@@ -95,7 +95,6 @@ class RepeatedSample:
                 columns=InputColumns.none(flat.size),
                 replicates=np.zeros(flat.size, dtype=np.int64),
                 sampling=points.sampling,
-                weights=None,
             )
         )
         # Deviations over the largest, whose squares neither overflow nor vanish.
