@@ -11,6 +11,7 @@ import uqpen
 from uqpen.archive.structure import find_faults
 from uqpen.charts.marks import Line
 from uqpen.charts.measured_values import measurement_charts
+from uqpen.designs.least_squares import usable_residuals
 from uqpen.measurements import Experiments
 from uqpen.report.page import report_page
 from uqpen.report.sections.summary import summary_lines
@@ -69,6 +70,14 @@ def posterior_of_line(found):
     whole = covariance + 100 * design @ design.T
     evidence = stats.multivariate_normal(np.zeros(4), whole).logpdf(y)
     return inverse @ design.T @ weights @ y, np.sqrt(np.diag(inverse)), evidence
+
+
+def test_residuals_too_large_to_square_are_those_of_a_failed_run(tmp_path):
+    found = measured(tmp_path)
+    likelihood = found.likelihood(found.covariance(found.values))
+    residuals = usable_residuals(likelihood, np.stack([found.values + 1e200, found.values + 0.2]))
+    assert np.isnan(residuals[0]).all()
+    assert residuals[1] == pytest.approx(np.ones(4))
 
 
 def test_the_line_with_independent_errors_has_its_exact_posterior(tmp_path):

@@ -32,3 +32,10 @@ def coordinate_text(coordinate: xr.DataArray, value: float, digits: int = 10) ->
     shown = str(coordinate.attrs.get("display_units", DIMENSIONLESS))
     written = f"{scale(shown).from_si(float(value)):.{digits}g}"
     return f"{coordinate.name} = {written}" + (f" {shown}" if shown != DIMENSIONLESS else "")
+
+
+def entry_place(array: xr.DataArray, index: Sequence[int]) -> str:
+    """Return the place of an entry along the first dimensions, such as ``time = 3 s, x = 1 m``."""
+    along = (array[dim] for dim in array.dims)
+    pairs = zip(along, index, strict=False)
+    return ", ".join(coordinate_text(each, each.values[at], 6) for each, at in pairs)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.fields import coordinate_text, field_dimensions
+from uqpen.archive.fields import entry_place, field_dimensions
 from uqpen.charts.axes import ValueAxis, quantity, quantity_axis
 from uqpen.charts.chart import Axis, Chart, Charts, LegendKey, PlaceReadout, PlaceSlices
 from uqpen.charts.marks import (
@@ -664,8 +664,8 @@ def map_charts(
     dims = field_dimensions(first_runs(view.tree)[field])
     largest = np.unravel_index(int(np.nanargmax(mean.values[..., 0])), mean.shape[:-1])
     at = dict(zip(dims[:-2], map(int, largest), strict=False))
-    places = (coordinate_text(mean[dim], mean[dim].values[n], 6) for dim, n in at.items())
-    notes = [f"At {', '.join(places)}, the place of the largest mean."] if at else []
+    place = entry_place(mean, tuple(at.values()))
+    notes = [f"At {place}, the place of the largest mean."] if at else []
     for statistic, label in (("mean", "mean"), ("std", "standard deviation")):
         if statistic in found:
             yield _map(view, field, source, label, found[statistic][at], notes)

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from uqpen.archive.fields import coordinate_text, field_dimensions
+from uqpen.archive.fields import coordinate_text, entry_place, field_dimensions
 from uqpen.archive.groups import GROUPS, group_place, model_trees
 from uqpen.archive.read import read_group
 from uqpen.core.arrays import FloatArray, IntArray, evenly_spread
@@ -70,12 +70,8 @@ def _ends(
     estimates, found = array.values[..., 0], []
     for position in (np.nanargmin(estimates), np.nanargmax(estimates)):
         index = tuple(map(int, np.unravel_index(position, estimates.shape)))
-        places = (
-            coordinate_text(array[dim], array[dim].values[at], 6)
-            for dim, at in zip(array.dims, index, strict=False)
-        )
         reached = statistics.reached_text(source, output, index)
-        found.append((array[index], f"{', '.join(places)}{reached}"))
+        found.append((array[index], f"{entry_place(array, index)}{reached}"))
     return found
 
 

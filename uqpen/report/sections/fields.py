@@ -7,7 +7,7 @@ from itertools import islice
 
 import numpy as np
 
-from uqpen.archive.fields import coordinate_text, field_dimensions
+from uqpen.archive.fields import entry_place, field_dimensions
 from uqpen.charts.chart import Block, Charts, PlaceColumn, PlaceReadout
 from uqpen.charts.curves import (
     driver_areas,
@@ -24,6 +24,7 @@ from uqpen.charts.curves import (
     ranked_chart,
     tolerance_chart,
 )
+from uqpen.charts.marks import has_interval
 from uqpen.core.arrays import FloatArray
 from uqpen.core.catalogue import CATALOGUE, MEAN, QUANTILE, STD
 from uqpen.core.labels import NOTE
@@ -115,30 +116,32 @@ def _columns(curve: CurveEstimates) -> Iterator[PlaceColumn]:
     unit = unit_suffix(curve.view.unit(curve.output))
     for statistic in (MEAN, STD):
         if (bounds := curve.bounds(statistic.name)) is not None:
-            yield _column(statistic.shown.label, unit, bounds, _notes(curve, statistic.name))
+            yield _column(curve, statistic.name, statistic.shown.label, bounds, unit)
     for number, (p, bounds) in enumerate(curve.entries(QUANTILE.name).items()):
-        yield _column(quantile_label(p), unit, bounds, _notes(curve, QUANTILE.name, number))
+        yield _column(curve, QUANTILE.name, quantile_label(p), bounds, unit, number)
     for probability in THRESHOLD_PROBABILITIES:
         for number, (text, bounds) in enumerate(curve.entries(probability.name).items()):
             label = f"{entry_label(probability, text)} ="
-            yield _column(label, "", bounds, _notes(curve, probability.name, number))
+            yield _column(curve, probability.name, label, bounds, entry=number)
     if (bounds := curve.bounds("reached")) is not None:
-        yield _column("share of runs that get this far", "", bounds, _notes(curve, "reached"))
+        yield _column(curve, "reached", "share of runs that get this far", bounds)
 
 
-def _notes(curve: CurveEstimates, statistic: str, entry: int = 0) -> list[str]:
-    """Return the note on an entry of a statistic at each place."""
-    array = curve.array(statistic)
-    if array is None or NOTE not in array.coords:
-        return [""] * curve.places.size
-    notes = array.coords[NOTE].transpose(curve.dimension, ...).values
-    return list(map(str, notes.reshape(curve.places.size, -1)[:, entry]))
-
-
-def _column(label: str, unit: str, estimates: FloatArray, notes: list[str]) -> PlaceColumn:
+def _column(
+    curve: CurveEstimates,
+    statistic: str,
+    label: str,
+    estimates: FloatArray,
+    unit: str = "",
+    entry: int = 0,
+) -> PlaceColumn:
     """Return the estimates with their intervals, and the reasons where there is none."""
-    lacks = np.isfinite(estimates[:, 0]) & ~np.isfinite(estimates[:, 1:]).any(axis=1)
-    reasons = {at: notes[at] for at in np.flatnonzero(lacks).tolist() if notes[at]}
+    reasons: dict[int, str] = {}
+    if (array := curve.array(statistic)) is not None and NOTE in array.coords:
+        notes = array.coords[NOTE].transpose(curve.dimension, ...).values
+        at_places = notes.reshape(curve.places.size, -1)[:, entry].tolist()
+        lacks = np.isfinite(estimates[:, 0]) & ~has_interval(estimates)
+        reasons = {at: at_places[at] for at in np.flatnonzero(lacks).tolist() if at_places[at]}
     return PlaceColumn(label, unit, [estimate_text(*row) for row in estimates.tolist()], reasons)
 
 
@@ -177,9 +180,5 @@ def _sentence(view: ArchiveView, field: str, design: str) -> str:
     if statistic == "mean_band":
         interval = interval.replace("without an interval", "without a band", 1)
         interval = interval.replace("% interval", "% band, valid at all places at once", 1)
-    places = (
-        coordinate_text(array[dim], array[dim].values[at], 6)
-        for dim, at in zip(array.dims, index, strict=False)
-    )
-    place = no_break(", ".join(places)) + view.statistics.reached_text(design, field, index)
+    place = no_break(entry_place(array, index)) + view.statistics.reached_text(design, field, index)
     return f"The mean of {output_name(view, field)} is largest at {place}: {value} {interval}."
