@@ -143,6 +143,7 @@ def test_bounds_over_a_box_contain_the_true_ones(box):
         lower, upper = np.ravel(lower.values), np.ravel(upper.values)
         assert lower[1] <= least <= lower[0] + 3 * (lower[0] - lower[1])
         assert upper[0] - 3 * (upper[2] - upper[0]) <= largest <= upper[2]
+        assert lower[0] < (least + largest) / 2 < upper[0]
     note = estimate_remark(found["upper_exceedance"][0])
     assert "largest, with x of mean 1, std 1.5" in note
 
@@ -259,6 +260,11 @@ def test_the_total_over_both_is_computed_and_no_narrower_than_a_part(study_of, t
     (table,) = (each for each in output_tables(tree) if "bounds over" in each.title)
     assert table.columns[-1] == "range, with uncertain parameters"
     assert dict(table.rows)["P(> 12) of y"][-1] == "2 % … 43 %"
+    statement = next(iter(error_statements(tree)))
+    parts = {part.name: part for part in statement.parts}
+    assert statement.total.lower <= parts["intervals"].lower
+    assert statement.total.upper >= parts["limits of these"].upper
+    assert "the parameters, the intervals and the runs together" in statement.total.definition
 
 
 def test_an_event_has_bounds_over_a_box(study_of):
@@ -363,19 +369,6 @@ def test_a_statement_is_by_the_design_that_has_the_interval_and_names_its_surrog
         *("sampling", "surrogate one", "surrogate two", "fitted"),
     ]
     assert mean.total.definition.endswith("; without surrogate one and surrogate two")
-
-
-def test_intervals_and_fitted_parameters_have_a_total_of_both(study_of, measured):
-    text = '[outputs.y]\nbelow = [8]\n[designs.some]\nkind = "monte-carlo"\nruns = 2000'
-    box = "{ normal = { mean = [0, 1], std = 1 } }"
-    tree = uqpen.run(study_of("x + b", text, x=measured, b=box))
-    statement = next(iter(error_statements(tree)))
-    parts = {part.name: part for part in statement.parts}
-    assert {"intervals", "limits of these"} <= parts.keys()
-    total = statement.total
-    assert total.lower <= parts["intervals"].lower
-    assert total.upper >= parts["limits of these"].upper
-    assert "the parameters, the intervals and the runs together" in total.definition
 
 
 def test_events_of_several_outputs_have_the_interval_over_the_draws(study_of, tmp_path):
