@@ -12,6 +12,7 @@ from uqpen.archive.read import read_group
 from uqpen.core.errors import StudyError
 from uqpen.core.model import Output
 from uqpen.core.status import Status
+from uqpen.core.streams import Stream
 from uqpen.core.variables import Category
 from uqpen.execution.processes import processes
 from uqpen.report.sections.summary import summary_lines
@@ -109,6 +110,14 @@ def test_more_repeats_and_points_keep_seeded_runs(tmp_path, kind):
     xr.testing.assert_identical(many, fresh)
     at = (many.point < 6) & (many.repeat < 2)
     assert np.array_equal(many.y[at], few.y)
+
+
+def test_repeats_of_a_block_are_those_of_all_points(tmp_path):
+    made = study(tmp_path, points=10, repeats=3, **SEEDED)
+    points = next(made.designs["mc"].rounds(made.joint, Stream(1, "points")))
+    whole = points.read(0, 30)
+    assert whole.point.values.tolist() == np.repeat(range(10), 3).tolist()
+    xr.testing.assert_identical(points.read(7, 20), whole.isel(run=slice(7, 20)))
 
 
 def test_equal_points_of_a_design_have_other_seeds(tmp_path):
@@ -245,6 +254,17 @@ def test_noise_at_every_point_is_seen(tmp_path, kind):
     assert pairs.y.dims == pairs.status.dims == ("run", "repeat")
     assert pairs.run.values.tolist() == [10, 30, 50]
     assert np.array_equal(pairs.y[:, 0], tree["runs/mc"].y[pairs.run])
+
+
+def test_noise_beside_a_seed_is_told_and_no_undeclared_noise(tmp_path):
+    code = "import random\ndef f(a, b, k):\n    return {'y': a + random.random()}\n"
+    (tmp_path / "model.py").write_text(code)
+    parts = {**SEEDED, "function": "f", "points": 60, "design": ""}
+    with pytest.warns(RuntimeWarning, match="Something beside the seed drives the noise"):
+        tree = uqpen.run(uqpen.parse_study(STUDY.format(**parts), folder=tmp_path))
+    assert tree.attrs["noise"].startswith("noise: 3 of 60 runs of mc were made again with the same")
+    assert "noise" not in tree["runs/mc"].attrs
+    assert tree["noise/mc"].sizes["run"] == 3
 
 
 @pytest.mark.parametrize(("size", "is_small"), [(1e-3, True), (0.3, False)])

@@ -66,6 +66,15 @@ def test_the_predictive_distribution_is_the_mixture_of_the_draws(family):
     assert predictive.is_finite
 
 
+@pytest.mark.parametrize("family", TRUTH)
+def test_the_draws_lie_around_the_fit(family):
+    unknown, _ = fitted(family, specimens=30)
+    for p in (0.05, 0.5, 0.95):
+        draws = np.array([float(each.ppf(np.array(p))) for each in unknown.draws])
+        # Ends of a uniform distribution are beyond those of its fit.
+        assert 0.01 < np.mean(draws < unknown.fitted.ppf(np.array(p))) < 0.99
+
+
 def test_the_next_normal_specimen_follows_students_distribution():
     unknown, values = fitted("normal")
     width = values.std(ddof=1) * np.sqrt(9 / 8)

@@ -2,9 +2,13 @@
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import uqpen
+from uqpen.core.model import Output
 from uqpen.results.source_statistics import SourceStatistics
+from uqpen.statistics.model_form import model_form_shares
+from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 
 STUDY = """
 seed = 5
@@ -117,3 +121,20 @@ def test_models_that_agree_in_everything_have_a_share_of_zero(tmp_path):
     found = shares(of_models(tmp_path, "x", "x"))
     assert found[0] == pytest.approx([0.0, 0.0, 0.0], abs=1e-12)
     assert found[1] == pytest.approx([1.0, 1.0, 1.0], abs=1e-12)
+
+
+def test_the_share_of_form_of_few_runs_is_unbiased():
+    """The models' means differ by chance alone, which is no form of theirs."""
+    rng, found = np.random.default_rng(1), []
+    quantities = [QuantityOfInterest(Output("y", "m"), "m")]
+    for _ in range(100):
+        x, z = rng.normal(size=(2, 10))
+        runs = {
+            name: xr.Dataset({"y": ("run", y), "status": ("run", np.zeros(10, np.int8))})
+            .assign_coords(run=np.arange(10))
+            .assign_attrs(sampling="independent")
+            for name, y in (("first", x + z), ("second", x - z))
+        }
+        found.append(float(model_form_shares(runs, quantities)["y"]["model_form_share"][0]))
+    # Without the correction it is 0.05, and the error of the mean is about 0.007.
+    assert np.mean(found) == pytest.approx(0.0, abs=0.025)

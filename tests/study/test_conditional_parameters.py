@@ -69,6 +69,19 @@ def test_mistakes_are_met(b, expected, study_of):
     assert "study.toml:1" in str(caught.value)
 
 
+def test_a_parameter_of_an_input_of_a_group_or_of_an_interval_is_refused(tmp_path):
+    (tmp_path / "m.py").write_text("def f(a, b, e, g):\n    return {'y': a}\n")
+    (tmp_path / "rows.csv").write_text("a,e\n1,2\n2,1\n3,3\n")
+    units = 'inputs = { a = "1", b = "1", e = "1", g = "1" }\noutputs = { y = "1" }\n'
+    text = f'seed = 1\n[model]\npython = "m.py:f"\n{units}[joint.s]\nsample = "rows.csv"\n'
+    text += f"[inputs]\ng = {{ interval = [1, 2] }}\nb = {B.replace('02 * a', '02 * g')}\n"
+    with pytest.raises(uqpen.StudyError) as caught:
+        uqpen.parse_study(text + MANY, folder=tmp_path)
+    said = str(caught.value)
+    assert "a parameter of a, which is in [joint]" in said
+    assert "a parameter of g, which is an interval" in said
+
+
 @pytest.mark.parametrize(
     "design", ['"saltelli"\nbase = 64', '"morris"\ntrajectories = 4', '"quadrature"\norder = 1']
 )

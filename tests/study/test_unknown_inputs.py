@@ -23,19 +23,12 @@ def refusal(study_of, design, **inputs):
 @pytest.mark.parametrize(
     "design",
     [
-        '"monte-carlo"\nruns = 100',
         '"monte-carlo"\nat_most = 4000\nuntil = { y = { mean = "2 %" } }',
-        '"latin-hypercube"\nruns = 100',
         '"sobol-sequence"\nruns = 64',
-        '"halton"\nruns = 64',
         '"saltelli"\nbase = 64',
         '"morris"\ntrajectories = 10',
-        '"one-at-a-time"',
-        '"full-factorial"\nlevels = 3',
         '"form"\nevent = "y > 20"',
-        '"active-learning"\nevent = "y > 20"',
         '"subset-simulation"\nevent = "y > 20"',
-        '"importance-sampling"\nevent = "y > 20"',
     ],
 )
 def test_fitted_inputs_are_drawn_from_their_predictive_distribution(study_of, design):
@@ -60,17 +53,10 @@ def test_quadrature_has_no_moments_of_students_tails(study_of):
             "give the number of runs",
         ),
         ('"latin-hypercube"\nruns = 100', "spoil its strata"),
-        ('"sobol-sequence"\nruns = 64', "spoil its strata"),
-        ('"halton"\nruns = 64', "spoil its strata"),
         ('"saltelli"\nbase = 64', "needs one distribution"),
-        ('"morris"\ntrajectories = 10', "needs one distribution"),
-        ('"one-at-a-time"', "needs one distribution"),
         ('"quadrature"\norder = 3', "needs one distribution"),
-        ('"full-factorial"\nlevels = 3', "needs one distribution"),
         ('"form"\nevent = "y > 20"', "a study of its own"),
-        ('"active-learning"\nevent = "y > 20"', "a study of its own"),
         ('"subset-simulation"\nevent = "y > 20"', "a study of its own"),
-        ('"importance-sampling"\nevent = "y > 20"', "a study of its own"),
     ],
 )
 def test_methods_of_one_distribution_refuse_a_box(study_of, design, reason):
@@ -78,6 +64,13 @@ def test_methods_of_one_distribution_refuse_a_box(study_of, design, reason):
     assert "over a, whose parameters are intervals" in said
     assert reason in said
     assert 'kind = "monte-carlo" gives bounds' in said
+
+
+def test_more_intervals_than_a_grid_goes_over_are_refused(study_of):
+    two = "{ normal = { mean = [9, 11], std = [1, 2] } }"
+    said = refusal(study_of, '"monte-carlo"\nruns = 100', **dict.fromkeys("abcd", two))
+    assert "8 parameters that are intervals" in said
+    assert "at most 6: bounds are looked for on a grid over all of them" in said
 
 
 def test_a_surrogate_over_a_box_is_refused(study_of):
