@@ -263,12 +263,12 @@ def f(x):
 
 
 def test_a_long_path_of_temporary_files_is_no_hindrance(tmp_path, monkeypatch):
-    (tmp_path / "mine.toml").write_text(study(tmp_path, "def f(x): return {'y': x}"))
     temporary = tmp_path / ("long" * 30)
     temporary.mkdir()
-    monkeypatch.setenv("TMPDIR", str(temporary))
-    done = python(tmp_path, *UQPEN, "study", "mine.toml", "--workers", "2")
-    assert done.returncode == 0, done.stderr
+    monkeypatch.setattr("tempfile.tempdir", str(temporary))
+    text = study(tmp_path, "def f(x): return {'y': x}")
+    with processes(1) as pool:
+        assert archive(tmp_path, text, pool)
 
 
 def test_a_function_that_exists_in_this_process_only_is_refused(two):
@@ -299,7 +299,7 @@ def test_what_goes_wrong_in_a_worker_is_reported(tmp_path, two):
 SCRIPT = """\
 import uqpen
 from uqpen.execution.processes import processes
-with processes(2) as pool:
+with processes(1) as pool:
     uqpen.run(uqpen.load_study("mine.toml"), map=pool)
 """
 
@@ -315,67 +315,61 @@ def test_a_script_that_would_start_itself_again_is_reported(tmp_path):
 SLOW = "import time\ndef f(x):\n    print('run', flush=True)\n    time.sleep(60)\n"
 
 
-@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
-def test_an_interrupt_leaves_no_process_and_no_file(tmp_path, sent):
+# As a terminal interrupts all processes, and as a cluster ends the one it knows.
+@pytest.mark.parametrize(
+    ("sent", "send"), [(signal.SIGINT, os.killpg), (signal.SIGTERM, os.kill)], ids=["all", "one"]
+)
+def test_an_interrupt_leaves_no_process_and_no_file(tmp_path, sent, send):
     folder = tmp_path / "temporary"
     folder.mkdir()
     (tmp_path / "mine.toml").write_text(study(tmp_path, SLOW))
-    line = [sys.executable, *UQPEN, "study", "mine.toml", "--workers", "2", "-o"]
-    # As a terminal interrupts all processes, and as another program interrupts the one it knows.
-    running = [
-        (
-            subprocess.Popen(
-                [*line, f"{send.__name__}.nc"],
-                cwd=tmp_path,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.PIPE,
-                start_new_session=True,
-                env={**os.environ, "TMPDIR": str(folder)},
-                preexec_fn=functools.partial(signal.signal, sent, signal.SIG_DFL),
-            ),
-            send,
-        )
-        for send in (os.killpg, os.kill)
-    ]
-    for process, send in running:
-        with process:
-            assert process.stdout.readline().startswith(b"run")
-            send(process.pid, sent)
-            # Nothing ends before the last process that could write to it.
-            said = process.communicate(timeout=60)[1]
-        assert process.returncode == 128 + sent
-        assert said == b"interrupted: nothing was written\n"
+    with subprocess.Popen(
+        [sys.executable, *UQPEN, "study", "mine.toml", "--workers", "2"],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+        env={**os.environ, "TMPDIR": str(folder)},
+        preexec_fn=functools.partial(signal.signal, sent, signal.SIG_DFL),
+    ) as process:
+        assert process.stdout.readline().startswith(b"run")
+        send(process.pid, sent)
+        # Nothing ends before the last process that could write to it.
+        said = process.communicate(timeout=60)[1]
+    assert process.returncode == 128 + sent
+    assert said == b"interrupted: nothing was written\n"
     assert not list(folder.iterdir())
 
 
-LAUNCHER = """\
+# It has a child, and neither a thread nor a handler of Python's gets a turn meanwhile.
+BUSY_IN_C = """\
 import subprocess
 
 def f(x):
     print("run", flush=True)
-    subprocess.run(["sleep", "60"])
+    subprocess.Popen(["sleep", "60"])
+    7 ** 3**18
+"""
+# Its child holds a pipe open.
+LAUNCHER = """\
+import pathlib, subprocess
+
+def f(x):
+    with pathlib.Path(__file__).with_name("pipe").open("w") as pipe:
+        subprocess.run(["sleep", "60"], stdout=pipe)
 """
 
-# Neither a thread nor a handler of Python's gets a turn meanwhile.
-BUSY_IN_C = "def f(x):\n    print('run', flush=True)\n    7 ** 3**18\n"
 
-
-def limited(folder, source, limit):
-    """A study of two runs under a limit on time, when its first run has begun."""
-    models = f'[model]\ntime_limit = "{limit}"\n{MODEL}'
-    (folder / "mine.toml").write_text(study(folder, source, runs=2, models=models))
-    line = [sys.executable, *UQPEN, "study", "mine.toml"]
-    process = subprocess.Popen(line, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-    assert process.stdout.readline().startswith(b"run")
-    return process
-
-
-def test_what_a_run_has_started_ends_with_its_time(tmp_path):
-    with limited(tmp_path, LAUNCHER, "0.3 s") as process:
-        # Nothing ends before the last process that could write to it.
-        said = process.communicate(timeout=60)[0].decode()
-    assert process.returncode == 3
-    assert "took longer than 0.3 s" in said
+def test_what_a_run_has_started_ends_with_its_time(tmp_path, two):
+    os.mkfifo(tmp_path / "pipe")
+    pipe = os.open(tmp_path / "pipe", os.O_RDONLY | os.O_NONBLOCK)
+    models = f'[model]\ntime_limit = "0.3 s"\n{MODEL}'
+    model = uqpen.parse_study(study(tmp_path, LAUNCHER, models=models), folder=tmp_path).model
+    runs = evaluate(Evaluator(model), points(0.0), {}, EvaluationOptions(map=two))
+    assert runs["lost_reason"].values.tolist() == ["took longer than 0.3 s"]
+    os.set_blocking(pipe, True)
+    assert os.read(pipe, 1) == b"", "it ends before the last process that could write to it"
+    os.close(pipe)
 
 
 IMPORTS = """\
@@ -408,10 +402,16 @@ def test_imports_are_no_part_of_the_time_of_a_run(tmp_path):
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere it ends when the run does")
-@pytest.mark.parametrize("source", [LAUNCHER, BUSY_IN_C])
-def test_a_run_ends_with_a_program_that_is_killed(tmp_path, source):
-    with limited(tmp_path, source, "50 s") as process:
+def test_a_run_and_its_child_end_with_a_program_that_is_killed(tmp_path):
+    models = f'[model]\ntime_limit = "50 s"\n{MODEL}'
+    (tmp_path / "mine.toml").write_text(study(tmp_path, BUSY_IN_C, runs=2, models=models))
+    line = [sys.executable, *UQPEN, "study", "mine.toml"]
+    with subprocess.Popen(
+        line, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as process:
+        assert process.stdout.readline().startswith(b"run")
         process.kill()
+        # Nothing ends before the last process that could write to it.
         process.communicate(timeout=60)
 
 

@@ -174,21 +174,20 @@ def test_depth_responds_to_each_input_in_the_direction_known(name, sign):
     assert (sign * np.diff(depth) > 0).all()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("target_density", [2500.0, 17_500.0])
-def test_long_rod_without_strength_reaches_the_hydrodynamic_limit(target_density):
+def test_long_rods_without_strength_reach_the_hydrodynamic_limit():
     length = 50.0
-    weak = {
-        "projectile_length": length,
-        "target_density": target_density,
-        "projectile_yield_limit": 1e6,
-        "target_yield_limit": 1e6,
-    }
-    depth, residue = one(**weak)
-    steady = np.sqrt(target_density / ROD["projectile_density"])
-    # The start and the end take a depth of some crater radii, of which the rod is 3000 long.
-    assert depth == pytest.approx(length / steady, rel=3e-3)
-    assert residue < 1e-5 * length
+    for density in (2500.0, 17_500.0):
+        weak = {
+            "projectile_length": length,
+            "target_density": density,
+            "projectile_yield_limit": 1e6,
+            "target_yield_limit": 1e6,
+        }
+        depth, residue = one(**weak)
+        steady = np.sqrt(density / ROD["projectile_density"])
+        # The start and the end take a depth of some crater radii, of which the rod is 3000 long.
+        assert depth == pytest.approx(length / steady, rel=3e-3)
+        assert residue < 1e-5 * length
     course = trajectory(make_rod({**ROD, **weak}), depths=3)
     # Steady flow: v = u (1 + sqrt(ρt/ρp)), but for strengths 5e-4 of the pressure and s/L.
     assert course.tail_velocity[1] / course.nose_velocity[1] == pytest.approx(1 + steady, rel=3e-3)
@@ -296,9 +295,8 @@ def test_an_empty_batch_gives_an_empty_result():
 # The corners of the inputs' domain
 
 
-@pytest.mark.parametrize("ratio", [1.02, 1.005])
-def test_a_thin_plastic_zone_is_stiff_but_solved(ratio):
-    changes = {"plasticity_radius": ratio * ROD["crater_radius"]}
+def test_a_thin_plastic_zone_is_stiff_but_solved():
+    changes = {"plasticity_radius": 1.02 * ROD["crater_radius"]}
     result = penetrate(**rods(**changes))
     course = trajectory(make_rod({**ROD, **changes}), depths=2)
     assert result.solved.all()
