@@ -21,13 +21,15 @@ class Change(NamedTuple):
     """Two states of a study, and what meets the step from one to the other.
 
     Names of files are relative to the study's folder; ``$NAME`` is a variable of the environment.
-    A study with `program.py` has a function of that program as its model.
+    A study with `program.py` has a function of that program as its model. One that leaves no traces
+    in its process needs none of its own.
     """
 
     name: str
     before: dict[str, str]
     after: dict[str, str]
     met: str
+    leaves_traces: bool = True
 
 
 def _file(name: str, before: str, after: str, met: str = "file m.py has changed") -> Change:
@@ -67,7 +69,7 @@ def _value(name: str, before: str, after: str, met: str = OBJECT) -> Change:
         program.format(head=head, value=before),
         program.format(head=other or head, value=after),
         met,
-    )
+    )._replace(leaves_traces=False)
 
 
 def _unknown(name: str, before: str, after: str) -> Change:

@@ -1,6 +1,6 @@
-"""Comparison of two states of a model, each in a process of its own; prints it as JSON.
+"""Comparison of two states of a model; prints it as JSON.
 
-A process that has loaded all libraries forks for each state, which takes some milliseconds.
+A state that leaves traces has a process of its own. A process that has loaded all libraries forks for each state, which takes some milliseconds.
 """
 
 from __future__ import annotations
@@ -112,14 +112,11 @@ def compare(folder: Path, files: Mapping[str, str], before: Record) -> dict[str,
 
 def load_libraries() -> None:
     """Load in this process what the states need, so that none of them has to."""
-    place, path = Path.cwd(), [*sys.path]
     with tempfile.TemporaryDirectory() as name:
         for files in ({"program.py": SOURCE}, {"m.py": SOURCE}):
             folder = Path(name).resolve()
             write(folder, files)
-            compare(folder, files, record(folder, files))
-        os.chdir(place)
-    sys.path[:] = path
+            called(compare, folder, files, called(record, folder, files))
 
 
 def forked(task: Callable[..., Any], *arguments: Any) -> Any:
@@ -144,6 +141,16 @@ def forked(task: Callable[..., Any], *arguments: Any) -> Any:
     return found
 
 
+def called(task: Callable[..., Any], *arguments: Any) -> Any:
+    """Call a function in this process, and leave its place and path as they were."""
+    place, path = Path.cwd(), [*sys.path]
+    try:
+        return task(*arguments)
+    finally:
+        os.chdir(place)
+        sys.path[:] = path
+
+
 def main() -> None:
     """Print what is reported of each change, and where nothing has changed."""
     warnings.simplefilter("ignore")
@@ -157,12 +164,13 @@ def main() -> None:
         root = Path(tempfile.mkdtemp(prefix="states_")).resolve()
         folder, after = root / "study", {**change.before, **change.after}
         folder.mkdir()
+        call = forked if change.leaves_traces else called
         try:
             write(folder, change.before)
-            before = forked(record, folder, change.before)
-            unchanged = forked(compare, folder, change.before, before)
+            before = call(record, folder, change.before)
+            unchanged = call(compare, folder, change.before, before)
             write(folder, change.after)
-            changed = forked(compare, folder, after, before)
+            changed = call(compare, folder, after, before)
             found[change.name] = {"unchanged": unchanged, "changed": changed}
         except RuntimeError as error:
             found[change.name] = {"error": str(error)}
