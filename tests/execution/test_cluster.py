@@ -104,13 +104,15 @@ class Dask:
 
     def __init__(self, folder):
         self.file = folder / "scheduler.json"
+        self.workers = {}
         self._processes = []
         self._start("scheduler", "--port", "0", "--scheduler-file", str(self.file))
 
-    def worker(self, *options):
-        """Start a worker; its process."""
+    def worker(self, nanny):
+        """Start a worker; its process is known by that option."""
         where = ("--scheduler-file", str(self.file), "--nthreads", "1")
-        return self._start("worker", *where, "--local-directory", str(self.file.parent), *options)
+        options = ("--local-directory", str(self.file.parent), nanny)
+        self.workers[nanny] = self._start("worker", *where, *options)
 
     def end(self):
         """Kill them with their children, as nobody waits for what they would still do."""
@@ -144,11 +146,9 @@ def quietly():
 
 @pytest.fixture(scope="module")
 def dask(tmp_path_factory):
-    """A scheduler and two workers, one of them with a nanny, which makes it a daemon."""
+    """A scheduler, which has no worker at first."""
     started = Dask(tmp_path_factory.mktemp("dask"))
     try:
-        started.worker("--nanny")
-        started.worker("--no-nanny")
         while not started.file.exists():
             time.sleep(0.05)
         yield started
@@ -158,9 +158,32 @@ def dask(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def two(dask):
+    """A cluster of two workers, one of them with a nanny, which makes it a daemon."""
+    for nanny in {"--nanny", "--no-nanny"} - dask.workers.keys():
+        dask.worker(nanny)
     with quietly(), cluster(str(dask.file)) as found:
         found._client.wait_for_workers(2, timeout=60)
         yield found
+
+
+# First, while there is none.
+def test_a_study_without_a_worker_says_so_and_uses_one_that_joins(tmp_path, monkeypatch, dask):
+    monkeypatch.setattr("uqpen.execution.cluster._FIRST_REPORT", 0.1)
+    (tmp_path / "slow.py").write_text(COUNTED)
+    (tmp_path / "hurry").touch()
+    (tmp_path / "study.toml").write_text(SLOW)
+    texts = list[str]()
+
+    def report(text):
+        if not texts:
+            dask.worker("--no-nanny")
+        texts.append(text)
+
+    with quietly(), cluster(str(dask.file), report) as found:
+        joined = archive(tmp_path, found)
+    assert joined == archive(tmp_path, map)
+    assert texts[0].startswith("the cluster has had no worker for 0:00:0")
+    assert texts[-1].startswith("the cluster has workers again, after 0:00:")
 
 
 def test_a_cluster_writes_the_bytes_of_a_single_process(tmp_path, two):
@@ -197,50 +220,6 @@ def test_runs_that_go_wrong_in_any_way_cost_themselves_only(mixed, two):
     assert statistics["runs_used"] == 96
     assert archive(mixed, two) == on_processes
     assert archive(mixed, map) == on_processes, "one process supervises another"
-
-
-def test_a_worker_that_is_killed_in_mid_study_loses_nothing(tmp_path, dask, two):
-    (tmp_path / "slow.py").write_text(COUNTED)
-    (tmp_path / "study.toml").write_text(SLOW)
-    third = dask.worker("--no-nanny")
-    two._client.wait_for_workers(3, timeout=60)
-
-    def kill():
-        calls = tmp_path / "calls"
-        while not calls.exists() or len(calls.read_text().split()) < 15:
-            time.sleep(0.01)
-        os.kill(third, signal.SIGKILL)
-
-    killer = threading.Thread(target=kill)
-    killer.start()
-    killed = archive(tmp_path, two)
-    killer.join()
-    (tmp_path / "hurry").touch()
-    assert killed == archive(tmp_path, map)
-
-
-def test_a_study_without_a_worker_says_so_and_uses_one_that_joins(tmp_path, monkeypatch):
-    monkeypatch.setattr("uqpen.execution.cluster._FIRST_REPORT", 0.5)
-    (tmp_path / "slow.py").write_text(COUNTED)
-    (tmp_path / "hurry").touch()
-    (tmp_path / "study.toml").write_text(SLOW)
-    dask, texts = Dask(tmp_path), list[str]()
-
-    def report(text):
-        if not texts:
-            dask.worker("--no-nanny")
-        texts.append(text)
-
-    try:
-        while not dask.file.exists():
-            time.sleep(0.05)
-        with quietly(), cluster(str(dask.file), report) as found:
-            joined = archive(tmp_path, found)
-    finally:
-        dask.end()
-    assert joined == archive(tmp_path, map)
-    assert texts[0].startswith("the cluster has had no worker for 0:00:0")
-    assert texts[-1].startswith("the cluster has workers again, after 0:00:")
 
 
 def test_a_model_that_cannot_be_loaded_there_is_reported(tmp_path, two):
@@ -281,31 +260,42 @@ def test_a_study_on_a_cluster_from_the_command_line(command_line, dask):
     assert "--workers and --scheduler exclude each other" in both.err
 
 
-def test_a_scheduler_that_goes_away_costs_no_finished_run(tmp_path):
-    calls = tmp_path / "calls"
-    (tmp_path / "slow.py").write_text(COUNTED)
-    (tmp_path / "study.toml").write_text(SLOW)
-    dask = Dask(tmp_path)
-    try:
-        dask.worker("--no-nanny")
-        while not dask.file.exists():
-            time.sleep(0.05)
-        line = [sys.executable, "-m", "uqpen", "study", "study.toml", "--scheduler"]
-        study = subprocess.Popen(
-            [*line, str(dask.file)], cwd=tmp_path, stderr=subprocess.PIPE, text=True
-        )
-        while not calls.exists() or len(calls.read_text().split()) < 30:
-            time.sleep(0.01)
-    finally:
-        dask.end()
-    said = study.communicate(timeout=60)[1].splitlines()
-    assert study.returncode == 2
-    assert said[-2] == "the Dask scheduler has gone away, or dropped the runs it was given"
-    assert re.fullmatch(r"\d+ runs are kept; the same command continues from there", said[-1])
-    assert [line for line in said if "distributed" in line] == []
-
-
 def test_without_dask_it_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(ClusterError, match=r'pip install "uqpen\[cluster\]"'), cluster("tcp://x:1"):
         pass
+
+
+# The last two: of the worker without a nanny, and of the scheduler.
+def test_a_worker_that_is_killed_in_mid_study_loses_nothing(tmp_path, dask, two):
+    (tmp_path / "slow.py").write_text(COUNTED)
+    (tmp_path / "study.toml").write_text(SLOW)
+
+    def kill():
+        calls = tmp_path / "calls"
+        while not calls.exists() or len(calls.read_text().split()) < 15:
+            time.sleep(0.01)
+        os.kill(dask.workers["--no-nanny"], signal.SIGKILL)
+
+    killer = threading.Thread(target=kill)
+    killer.start()
+    killed = archive(tmp_path, two)
+    killer.join()
+    (tmp_path / "hurry").touch()
+    assert killed == archive(tmp_path, map)
+
+
+def test_a_scheduler_that_goes_away_costs_no_finished_run(tmp_path, dask, two):
+    calls = tmp_path / "calls"
+    (tmp_path / "slow.py").write_text(COUNTED)
+    (tmp_path / "study.toml").write_text(SLOW)
+    line = [sys.executable, "-m", "uqpen", "study", "study.toml", "--scheduler", str(dask.file)]
+    with subprocess.Popen(line, cwd=tmp_path, stderr=subprocess.PIPE, text=True) as study:
+        while not calls.exists() or len(calls.read_text().split()) < 30:
+            time.sleep(0.01)
+        dask.end()
+        said = study.communicate(timeout=60)[1].splitlines()
+    assert study.returncode == 2
+    assert said[-2] == "the Dask scheduler has gone away, or dropped the runs it was given"
+    assert re.fullmatch(r"\d+ runs are kept; the same command continues from there", said[-1])
+    assert [line for line in said if "distributed" in line] == []
