@@ -1,6 +1,7 @@
 """Comparison of two states of a model; prints it as JSON.
 
-A state that leaves traces has a process of its own. A process that has loaded all libraries forks for each state, which takes some milliseconds.
+A state that leaves traces has a process of its own. A process that has loaded all libraries forks
+for each of them, which takes some milliseconds.
 """
 
 from __future__ import annotations

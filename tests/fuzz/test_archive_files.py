@@ -15,18 +15,18 @@ pytestmark = pytest.mark.slow
 BENCHMARK = Path(__file__).parents[2] / "benchmarks" / "fuzz.py"
 
 
-# In processes of their own: a damaged file may bring the HDF5 library down, and with it the tests.
+# In a process of its own: a damaged file may bring the HDF5 library down, and with it the tests.
+# Damage that the hashes tell has its own tests.
 def test_damage_is_no_traceback(tmp_path):
-    names = ("archive-parts", "archive-hashed", "archive-bytes")
-    kinds = [word for name in names for word in ("--kind", name)]
+    kind = ["--kind", "archive-hashed", "--files", "3", "--seconds", "999"]
     done = subprocess.run(
-        [sys.executable, BENCHMARK, *kinds, "--files", "2", "--seconds", "999", "--keep", tmp_path],
+        [sys.executable, BENCHMARK, *kind, "--keep", tmp_path],
         capture_output=True,
         text=True,
         check=False,
     )
     assert done.returncode == 0, done.stdout + done.stderr
-    assert done.stdout.count(": 2 files: ") == 3
+    assert done.stdout.startswith("archive-hashed: 3 files: ")
 
 
 @pytest.mark.parametrize("command", ["show {file}", "verify {file}", "diff {file} {other}"])

@@ -7,6 +7,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -17,9 +18,11 @@ import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 
+import uqpen
 from uqpen.core.errors import ModelError, StudyError
 from uqpen.core.status import Status
 from uqpen.execution import Evaluator
+from uqpen.execution.processes import processes
 from uqpen.models.command.model import remove_variable_parts
 from uqpen.models.command.output_readers import (
     CsvReader,
@@ -376,10 +379,13 @@ def is_running(process):
     """Whether a process runs; a zombie that nobody has waited for yet does not."""
     try:
         os.kill(process, 0)
+        # It may end between any two of these.
+        stat = Path(f"/proc/{process}/stat").read_text()
     except ProcessLookupError:
         return False
-    stat = Path(f"/proc/{process}/stat")
-    return not (stat.exists() and stat.read_text().rpartition(")")[2].split()[0] == "Z")
+    except FileNotFoundError:
+        return sys.platform != "linux"
+    return stat.rpartition(")")[2].split()[0] != "Z"
 
 
 def ends(process):
@@ -486,25 +492,16 @@ def test_no_folder_is_left_of_a_run_that_is_killed_while_its_output_is_read(home
     assert not folder.exists()
 
 
-INTERRUPTED = """\
+STOPPED = """\
 import sys, tempfile
 import uqpen
-from uqpen.execution.processes import processes
-tempfile.tempdir = sys.argv[2]
-if __name__ == "__main__":
-    study = uqpen.load_study(sys.argv[1])
-    if sys.argv[3] == "1":
-        uqpen.run(study)
-    else:
-        with processes(2) as pool:
-            uqpen.run(study, map=pool)
+tempfile.tempdir = sys.argv[1]
+uqpen.run(uqpen.load_study("beam.toml"))
 """
 
 
-@pytest.mark.parametrize(
-    ("workers", "how"), [(1, signal.SIGINT), (2, signal.SIGINT), (1, signal.SIGKILL)]
-)
-def test_who_stops_the_study_stops_its_programs(home, workers, how):
+def write_sleeping(home):
+    """Write a study whose program tells its process and its child's; the file it tells them to."""
     log = home / "log"
     program(home, f"sleep 300 & echo $$ $! >> {log}; wait")
     (home / "beam.toml").write_text(
@@ -512,29 +509,58 @@ def test_who_stops_the_study_stops_its_programs(home, workers, how):
         + "[failures]\ntrial = false\n",
         encoding="utf-8",
     )
-    (home / "study.py").write_text(INTERRUPTED)
-    temporary = home.parent / "temporary"
-    words = [sys.executable, "study.py", "beam.toml", str(temporary), str(workers)]
-    precious = home / "precious"
-    precious.mkdir()
-    variables = os.environ | {"folder": str(precious), "group": "0"}
-    said = home / "said"
-    with (
-        said.open("w") as stderr,
-        subprocess.Popen(words, cwd=home, stderr=stderr, env=variables) as study,
-    ):
-        deadline = time.monotonic() + 100
-        while not log.exists() or len(log.read_text().split()) < 2 * workers:
-            if time.monotonic() > deadline or study.poll() is not None:
-                study.kill()
-                pytest.fail(f"the study does not start: {study.returncode}, {said.read_text()}")
-            time.sleep(0.002)  # so that some of the programs have only just been started
-        study.send_signal(how)
-    assert all(ends(int(process)) for process in log.read_text().split())
+    return log
+
+
+def wait_for(log, count, is_over):
+    """Wait until so many processes have been told, or none will be."""
+    while not log.exists() or len(log.read_text().split()) < count:
+        assert not is_over(), "the study does not start"
+        time.sleep(0.002)  # so that some of the programs have only just been started
+
+
+def all_have_ended(home):
+    """Whether all processes end, and their folders with them."""
+    temporary, deadline = home.parent / "temporary", time.monotonic() + 100
+    have_ended = all(ends(int(process)) for process in (home / "log").read_text().split())
     while any(temporary.glob("uqpen-*")) and time.monotonic() < deadline:
         time.sleep(0.01)
-    assert not (home / "beam_runs").exists()
+    return have_ended and not (home / "beam_runs").exists()
+
+
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
+def test_who_stops_the_study_stops_its_programs(home, how):
+    log = write_sleeping(home)
+    words = [sys.executable, "-c", STOPPED, str(home.parent / "temporary")]
+    precious = home / "precious"
+    precious.mkdir()
+    # What the shell that outlives the study has variables for.
+    variables = os.environ | {"folder": str(precious), "group": "0"}
+    with subprocess.Popen(words, cwd=home, env=variables, stderr=subprocess.DEVNULL) as study:
+        wait_for(log, 2, lambda: study.poll() is not None)
+        study.send_signal(how)
+    assert all_have_ended(home)
     assert precious.exists()
+
+
+def test_an_interrupt_stops_the_programs_of_workers(home, monkeypatch):
+    log, study_is_over = write_sleeping(home), threading.Event()
+    monkeypatch.setenv("TMPDIR", str(home.parent / "temporary"))
+
+    def interrupt():
+        wait_for(log, 4, study_is_over.is_set)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    study, thread = uqpen.load_study(home / "beam.toml"), threading.Thread(target=interrupt)
+    with processes(2) as pool:
+        thread.start()
+        try:
+            with pytest.raises(KeyboardInterrupt):
+                uqpen.run(study, map=pool)
+        finally:
+            study_is_over.set()
+            thread.join()
+    assert all_have_ended(home)
 
 
 # --- what is kept, and what tells one model from another -----------------------------------------

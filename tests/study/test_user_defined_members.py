@@ -94,8 +94,12 @@ def _checks(path, **options):
 
 
 def _kinds(path, **options):
-    checks = _checks(path, **options).items()
-    return {(name, check.verdict.name) for name, check in checks if check.verdict.name != "EQUAL"}
+    return _unequal(_checks(path, **options))
+
+
+def _unequal(checks):
+    verdicts = {(name, check.verdict.name) for name, check in checks.items()}
+    return {each for each in verdicts if each[1] != "EQUAL"}
 
 
 def test_they_keep_their_contracts(modules):
@@ -150,7 +154,7 @@ def test_runs_before_a_change_are_not_used(folder):
 class TestArchive:
     def test_without_trust_it_names_the_code(self, archive):
         checks = _checks(archive, runs=None)
-        assert _kinds(archive) == {("points", "UNCHECKED"), ("surrogates", "UNCHECKED")}
+        assert _unequal(checks) == {("points", "UNCHECKED"), ("surrogates", "UNCHECKED")}
         assert checks["points"].text == (
             f"not checked: they are drawn by code that the archive names ({MEMBERS})"
         )
@@ -191,14 +195,14 @@ class TestArchive:
             uqpen.run(study)
 
     @pytest.mark.slow
-    def test_code_is_executed_only_with_trust(self, folder, fresh_process, command_line):
+    def test_code_is_executed_only_with_trust(self, folder, command_line):
         trace = folder / "executed"
         for name in ("my_designs.py", "my_distributions.py"):
             touch = f"import pathlib\npathlib.Path({str(trace)!r}).touch()\n"
             (folder / name).write_text(touch + (folder / name).read_text())
         uqpen.write(uqpen.run(uqpen.parse_study(STUDY, folder=folder)), folder / "a.nc")
         trace.unlink()
-        outcomes = fresh_process(folder, ["show", "a.nc"], ["verify", "a.nc"], ["rerun", "a.nc"])
+        outcomes = [command_line(command, "a.nc") for command in ("show", "verify", "rerun")]
         assert [done.code for done in outcomes] == [0, 0, 2], outcomes
         assert MEMBERS in outcomes[-1].err
         assert not trace.exists()
@@ -257,8 +261,9 @@ class TestPython:
         uqpen.make_archive(study, folder / "a.nc", progress=Warned())
         assert len(warnings) == 2
         assert "is a Python object, so another version" in warnings[0]
-        assert _kinds(folder / "a.nc", trust=True) == {("points", "UNCHECKED")}
-        assert "an object of the Python program" in _checks(folder / "a.nc")["points"].text
+        checks = _checks(folder / "a.nc", trust=True)
+        assert _unequal(checks) == {("points", "UNCHECKED")}
+        assert "an object of the Python program" in checks["points"].text
         refused = command_line("rerun", "a.nc", "--trust")
         assert refused.code == 2
         assert "its design or distribution is an object of a Python program" in refused.err
