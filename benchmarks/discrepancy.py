@@ -124,7 +124,8 @@ std = {f"{{ half-normal = {of.size} }}" if of.size else ERROR}
         numbers = f"std = {{ half-normal = {of.std} }}\nlength = {{ half-normal = {of.length} }}\n"
         zero = "" if of.zero_at is None else f"zero_at = {of.zero_at}\n"
         text += f'[measured.rows.work.discrepancy]\nalong = "x"\n{numbers}{zero}'
-    return f'{text}[designs.fit]\nkind = "posterior"\nmeasured = ["rows"]\nat_most = 9_000_000\n'
+    design = "particles = 200\nat_most = 2_000_000\n"
+    return f'{text}[designs.fit]\nkind = "posterior"\nmeasured = ["rows"]\n{design}'
 
 
 def _of_study(measured: Array, of: Situation, seed: int) -> Row:

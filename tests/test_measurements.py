@@ -240,6 +240,12 @@ def test_repeats_give_the_size_of_an_error(tmp_path):
     found = from_file(tmp_path, "\n".join(["x,y,above,rig,sd", *lines]) + "\n", std='"repeats"')
     assert found.freedom == 5
     assert np.diag(found.covariance(found.values)) == pytest.approx(np.full(8, (2 + 8 + 2) / 5))
+    # A bound is no repeat.
+    lines.append("2,99,1,a,1")
+    text = "\n".join(["x,y,above,rig,sd", *lines]) + "\n"
+    bounded = from_file(tmp_path, text, std='"repeats"\nat_least = "above"')
+    assert bounded.freedom == 5
+    assert bounded.covariance(bounded.values)[8, 8] == pytest.approx((2 + 8 + 2) / 5)
 
 
 def test_a_covariance_comes_from_a_file(tmp_path):

@@ -515,10 +515,12 @@ measured = ["depths"]
 particles = 100
 [measured.depths]
 unknown = ["a", "b"]
+experiment = "shot"
 [measured.depths.table]
-"depth [m]" = [0.5]
+shot = [1, 2, 3]
+"depth [m]" = [0.5, 0.7, ""]
 [measured.depths.depth]
-std = "0.3 m"
+std = { half-normal = "0.3 m" }
 """
     check_interruptions_and_workers(tmp_path, design, [2, 4])
 

@@ -21,6 +21,7 @@ from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.measurements import (
     AT_LEAST,
     AT_MOST,
+    EXACTLY,
     Discrepancy,
     MeasuredOutput,
     MeasuredOutputs,
@@ -351,7 +352,8 @@ def _read_output(
     places = _places(table, output, rows, kept)
     if len(table.problems) > noted:
         return None
-    errors = _read_errors(table, output, rows, kept, experiment, values, places)
+    exact = np.where(censoring == EXACTLY, values, np.nan)  # no bound is a repeat
+    errors = _read_errors(table, output, rows, kept, experiment, exact, places)
     discrepancy = _read_discrepancy(table, output, rows, kept, conditions)
     table.check_unknown_keys()
     if errors is None or len(table.problems) > noted:
@@ -571,9 +573,10 @@ def _pooled(
 ) -> tuple[float, float] | None:
     """Return the standard deviation within repeats, and its degrees of freedom."""
     numbers, first = _numbered(np.column_stack([experiment[kept], *places.values()]))
-    repeats = [values[kept][numbers == number] for number in range(len(first))]
-    squares = sum(float(np.var(each)) * len(each) for each in repeats)
-    freedom = len(kept) - len(first)
+    is_exact = ~np.isnan(values[kept])
+    repeats = [values[kept][is_exact & (numbers == number)] for number in range(len(first))]
+    squares = sum(float(np.var(each)) * len(each) for each in repeats if len(each))
+    freedom = sum(max(len(each) - 1, 0) for each in repeats)
     if freedom < _FEWEST_REPEATS or not squares > 0:
         expected = f"at least {_FEWEST_REPEATS} repeats that differ; or {_STD}"
         table.add_problem("std", f'"{_REPEATS}" with {freedom} repeats', expected)
