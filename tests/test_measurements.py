@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy import integrate, stats
+from scipy import integrate, optimize, stats
 
 import uqpen
 from uqpen.archive.structure import find_faults
@@ -70,6 +70,22 @@ def posterior_of_line(found):
     whole = covariance + 100 * design @ design.T
     evidence = stats.multivariate_normal(np.zeros(4), whole).logpdf(y)
     return inverse @ design.T @ weights @ y, np.sqrt(np.diag(inverse)), evidence
+
+
+def test_an_unknown_size_beside_other_errors_is_the_likeliest_for_the_unknowns_fitted(tmp_path):
+    (tmp_path / "line.py").write_text(MODEL)
+    errors = "std = { half-normal = 50 }\nshared = { std = 0.1 }"
+    tree = uqpen.run(parse_study(LINE.replace("std = 0.2", errors), folder=tmp_path))
+    x, y = np.arange(4.0), np.array([1.1, 2.9, 5.2, 6.8])
+    rest = ((y - np.polyval(np.polyfit(x, y, 1), x)) ** 2).sum()
+    # The residuals of a line have the sum 0, so the shared part is in the determinant alone.
+    found = optimize.minimize_scalar(
+        lambda s: rest / s**2 + 6 * np.log(s) + np.log(s**2 + 0.04),
+        bounds=(0.01, 1),
+        method="bounded",
+    )
+    std = np.sqrt(found.x**2 * 4 / 2 + 0.1**2)  # four rows, two unknowns
+    assert tree["calibrations/fit/measured_std"].values == pytest.approx(np.full(4, std), rel=1e-3)
 
 
 def test_residuals_too_large_to_square_are_those_of_a_failed_run(tmp_path):

@@ -166,13 +166,17 @@ def test_what_the_data_do_not_teach_is_a_combination():
 
 def test_a_minimum_beyond_the_support_is_held_at_its_end():
     lower, upper = np.array([-1.0, -np.inf]), np.array([0.5, np.inf])
-    found, *_ = fitted(
+    found, runs, _ = fitted(
         lambda z: np.array([z[0] - 2, z[1] - 1, z[0] + z[1] - 3]),
         np.zeros(2),
         lower=lower,
         upper=upper,
     )
     assert found.has_converged
+    assert (runs.searched.points >= lower).all()
+    assert (runs.searched.points <= upper).all()
+    assert "the data would go further" in str(found.estimate(0).note)
+    assert found.estimate(1).note == ""
     # With the first at 0.5, the second is the mean of 1 and 2.5.
     assert found.at.point == pytest.approx([0.5, 1.75], abs=2e-3)
 

@@ -146,28 +146,35 @@ def _read_section(name: str, section: TableReader, model: Model) -> MeasuredOutp
     measured = [of_output for of_output in read_outputs if of_output is not None]
     if len(measured) < len(tables):
         return None
+    every = MeasuredOutputs(
+        name,
+        tuple(roles["unknown"]),
+        tuple(roles["varies"]),
+        tuple(roles["fixed"]),
+        {key: values[first] for key, values in columns.items()},
+        {key: np.full(len(first), std) for key, std in stds.items()},
+        (),
+        len(first),
+        source or "",
+        file,
+    )
+    blank = _blank_rows(rows, tables, measured, experiment)
+    return replace(_with_outputs(every, measured), blank=_with_outputs(every, blank))
 
-    def at_rows(measured: Sequence[MeasuredOutput]) -> MeasuredOutputs:
-        """Return the measurements at some rows, with the experiments of these alone."""
-        kept = np.unique(np.concatenate([each.experiment for each in measured]))
-        return MeasuredOutputs(
-            name,
-            tuple(roles["unknown"]),
-            tuple(roles["varies"]),
-            tuple(roles["fixed"]),
-            {key: values[first[kept]] for key, values in columns.items()},
-            {key: np.full(len(kept), std) for key, std in stds.items()},
-            tuple(
-                replace(each, experiment=np.searchsorted(kept, each.experiment))
-                for each in measured
-            ),
-            len(kept),
-            source or "",
-            file,
-        )
 
-    blank = at_rows(_blank_rows(rows, tables, measured, experiment))
-    return replace(at_rows(measured), blank=blank)
+def _with_outputs(every: MeasuredOutputs, outputs: Sequence[MeasuredOutput]) -> MeasuredOutputs:
+    """Return the rows of outputs, and of all experiments those that these have a row of."""
+    kept = np.unique(np.concatenate([each.experiment for each in outputs]))
+    numbered = (
+        replace(each, experiment=np.searchsorted(kept, each.experiment)) for each in outputs
+    )
+    return replace(
+        every,
+        conditions={key: values[kept] for key, values in every.conditions.items()},
+        condition_std={key: stds[kept] for key, stds in every.condition_std.items()},
+        outputs=tuple(numbered),
+        experiments=len(kept),
+    )
 
 
 def _blank_rows(
