@@ -507,11 +507,15 @@ def _of_inputs(
     measure: Measure,
     by: Mapping[str, str] | None = None,
     unit: UnitRule = UnitRule.NONE,
+    group: str = SENSITIVITY,
 ) -> Statistic:
     """Return the record of a measure that each input has."""
     record = Statistic(name, title, (INPUT,), unit, note_is_of_estimate=True, measure=measure)
-    return replace(record, group=SENSITIVITY, by=by or {})
+    return replace(record, group=group, by=by or {})
 
+
+# Differences of single runs, which cost nothing: they are there also without `SENSITIVITY`.
+_RESPONSES = "responses"
 
 # The parts of the inputs in a variance.
 _INDICES = [
@@ -783,6 +787,7 @@ _STATISTICS = [
             Sampling.ONE_AT_A_TIME: f"{_SENSITIVITY}.single_steps:relative_responses",
             of_field(Sampling.ONE_AT_A_TIME): f"{_SENSITIVITY}.single_steps:responses_at_places",
         },
+        group=_RESPONSES,
     ),
     _of_inputs(
         "contribution",
@@ -798,6 +803,7 @@ _STATISTICS = [
             axis="|response × uncertainty|",
             relative_to=("output",),
         ),
+        group=_RESPONSES,
     ),
     _of_inputs(
         "change_per_std",
@@ -810,6 +816,7 @@ _STATISTICS = [
             axis="|change| per standard deviation",
         ),
         unit=UnitRule.DIFFERENCE,
+        group=_RESPONSES,
     ),
 ]
 

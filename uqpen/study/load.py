@@ -408,6 +408,8 @@ def reading_study(
     }
     if runs is not None and (sample := first[MonteCarlo]) is not None:
         content["designs"][sample] = {"kind": "monte-carlo", "runs": runs}
+    # Publications have means, deviations and responses alone.
+    content |= {"sensitivity": False, "convergence": False}
     return parse_study(tomli_w.dumps(content), name=study.name, folder=study.folder)
 
 
