@@ -222,14 +222,18 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callabl
         sys.modules.pop(module, None)
 
 
+def _shared_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder that all processes of the tests share."""
+    folder = tmp_path_factory.getbasetemp()
+    return folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder
+
+
 @pytest.fixture(scope="session")
 def made_once(
     tmp_path_factory: pytest.TempPathFactory,
 ) -> Callable[[str, Callable[[], xr.DataTree]], xr.DataTree]:
     """Gives a tree by its name: one process of the tests makes it, and the others read it."""
-    folder = tmp_path_factory.getbasetemp()
-    if "PYTEST_XDIST_WORKER" in os.environ:
-        folder = folder.parent
+    folder = _shared_folder(tmp_path_factory)
 
     def made(name: str, make: Callable[[], xr.DataTree]) -> xr.DataTree:
         file = folder / f"{name}.pickle"
@@ -359,3 +363,14 @@ def concrete_text() -> str:
 def concrete(concrete_text: str, made_once: Callable[..., xr.DataTree]) -> xr.DataTree:
     """The archive of the concrete study with fewer runs."""
     return made_once("concrete", lambda: uqpen.run(uqpen.parse_study(concrete_text)))
+
+
+@pytest.fixture(scope="session")
+def whole_concrete(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The archive of the concrete study as it is, in a file that all processes read."""
+    path = _shared_folder(tmp_path_factory) / "concrete.nc"
+    with FileLock(path.with_suffix(".lock")):
+        if not path.exists():
+            study = Path(__file__).parents[1] / "studies" / "concrete.toml"
+            uqpen.make_archive(uqpen.load_study(study), path)
+    return path

@@ -202,8 +202,7 @@ def test_the_command_counts_across_a_kill(study):
         assert "model: 1 of 2 runs left" in said
         assert ask(address, "Evaluate", input=[[0.0, 0.0]])[0] == 200
         assert ask(address, "Evaluate", input=[[0.0, 0.0]])[0] == 403
-    # A budget that is spent is seen by a study as failed runs, and by its reason.
-    with serving(study.parent, *arguments) as (_, address, _):
+        # A budget that is spent is seen by a study as failed runs, and by its reason.
         text = STUDY.partition("[model]")[0] + f'[model]\numbridge = "{address}"\n'
         text += 'inputs = { a = "1", b = "1" }\noutputs = { y = "1" }\n'
         text += '[inputs]\na = "0 ± 1"\nb = "0 ± 1"\n'

@@ -14,7 +14,7 @@ from uqpen.replication import replicate
 TEXT = """
 [designs.some]
 kind = "monte-carlo"
-runs = 20_000
+runs = 4_000
 [designs.steps]
 kind = "one-at-a-time"
 [published.paper]

@@ -1,4 +1,7 @@
-"""The documentation site: built without a warning, whole, and searched by its terms."""
+"""The documentation site: what it loads, what is found by a search, and its reference.
+
+These need some of its pages; ``.ci/run`` builds all of them, without a warning.
+"""
 
 import json
 import re
@@ -17,9 +20,14 @@ pytestmark = pytest.mark.slow
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("site")
-    line = [sys.executable, "-m", "sphinx", "-W", "-q", "-b", "html", "-d", f"{folder}/trees"]
+    line = [sys.executable, "-m", "sphinx", "-q", "-b", "html", "-d", f"{folder}/trees"]
+    some = "index.md,figures.md,glossary.md,reference/api/MonteCarlo.rst"
     done = subprocess.run(
-        [*line, "docs", f"{folder}/html"], cwd=ROOT, capture_output=True, text=True, check=False
+        [*line, "-D", f"include_patterns={some}", "docs", f"{folder}/html"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert done.returncode == 0, done.stderr
     return folder / "html"
@@ -27,10 +35,11 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_pages_load_nothing_from_another_host(site: Path) -> None:
     loaded = re.compile(
-        r'<(?:script|img|iframe)[^>]*src="(?:https?:)?//|<link[^>]*href="(?:https?:)?//'
+        r'<(?:script|img|iframe)[^>]*src="(?:https?:)?//|<link[^>]*href="(?:https?:)?//|!\[.*\]\(https?:'
     )
     pages = list(site.rglob("*.html"))
-    assert len(pages) > 100
+    assert len(pages) > 4
+    pages += (ROOT / "docs").rglob("*.md")
     assert [page.name for page in pages if loaded.search(page.read_text(encoding="utf-8"))] == []
 
 
@@ -51,7 +60,7 @@ def test_each_public_name_has_a_page_with_its_parameters(site: Path) -> None:
     import uqpen
 
     names = {name for name in dir(uqpen) if not name.startswith("_")}
-    assert {page.stem for page in (site / "reference" / "api").glob("*.html")} == names
+    assert {page.stem for page in (ROOT / "docs" / "reference" / "api").iterdir()} == names
     page = (site / "reference" / "api" / "MonteCarlo.html").read_text(encoding="utf-8")
     assert "uqpen." in page
     assert "at_most" in page

@@ -15,8 +15,8 @@ STUDIES = Path(__file__).parents[1] / "studies"
 
 
 @pytest.fixture(scope="module")
-def concrete():
-    return uqpen.run(uqpen.load_study(STUDIES / "concrete.toml"))
+def concrete(whole_concrete):
+    return uqpen.open_archive(whole_concrete)
 
 
 @pytest.fixture(scope="module")
