@@ -229,6 +229,8 @@ def _row(name: str, seed: int) -> Row:
         **{f"{key}_{at}": float(x) for key, each in errors.items() for at, x in enumerate(each)},
         "holds": int(((low <= truth) & (truth <= high)).sum()),
         "exact_holds": int(((exact_low <= truth) & (truth <= exact_high)).sum()),
+        # The probability of the intervals by the exact posterior, which scatters less.
+        "content": float(((low <= exact) & (exact <= high)).mean()),
         "narrower": float((1 / std).max()),
         "effective": found.effective_draws,
         "confirmed": int(found.is_confirmed),
@@ -256,11 +258,12 @@ def _by_model(rows: Sequence[Row]) -> Iterator[tuple[str, list[Row]]]:
 def _posteriors(rows: Sequence[Row]) -> Iterator[str]:
     head = ["model", "data sets", "runs", "error of mean [sd]: median, worst"]
     head += ["by the surrogate alone", "ratio of sd", "holds truth", "exact holds truth"]
-    head += ["effective of 60", "confirmed"]
+    head += ["probability of intervals", "effective of 60", "confirmed"]
     cells = []
     for name, own in _by_model(rows):
         count = len(own)
         error, alone = (np.abs(_columns(own, key)) for key in ("error", "surrogate_error"))
+        content = np.array([row["content"] for row in own])
         held = [per_cent(sum(row[key] for row in own), 3 * count) for key in HOLDS]
         cells.append(
             [
@@ -270,6 +273,7 @@ def _posteriors(rows: Sequence[Row]) -> Iterator[str]:
                 *(f"{np.median(each):.2f}, {each.max():.2f}" for each in (error, alone)),
                 f"{np.median(_columns(own, 'std_ratio')):.2f}",
                 *(f"{each} %" for each in held),
+                f"{content.mean():.1%} ± {content.std() / math.sqrt(count):.1%}".replace("%", " %"),
                 f"{np.median([row['effective'] for row in own]):.0f}",
                 f"{per_cent(sum(row['confirmed'] for row in own), count)} %",
             ]
