@@ -195,6 +195,8 @@ def test_the_noise_of_a_model_decides_the_step():
     noise = ModelNoise.of(0.005 * number + 1e-3 * (-1) ** number, 1e-2)
     assert noise.size == pytest.approx(8e-3 / math.sqrt(20))
     assert noise.slope == pytest.approx(0.5)
+    assert noise.is_clear
+    assert not ModelNoise.of(0.0005 * number + 1e-3 * (-1) ** number, 1e-2).is_clear
 
 
 def test_noise_is_measured_again_where_a_search_ends():

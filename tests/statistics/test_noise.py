@@ -244,6 +244,8 @@ def test_an_archive_has_them_where_points_have_several_runs(tmp_path):
     assert found.noise_share.attrs["runs_used"] == 240
     # What knows no repeats is of the first run at each point.
     assert found.skewness.attrs["runs_used"] == 120
+    for name in ("first_order", "mean_first_order"):
+        assert found[name].input.values.tolist() == ["a", "b"]
     blocks = tree["statistics/blocks/y"].to_dataset()
     assert {"noise_share", "mean_first_order", "mean_total_order"} <= set(blocks)
     both = [each.noise_share.values for each in (found, blocks)]
