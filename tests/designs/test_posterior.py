@@ -274,6 +274,11 @@ def test_a_study_keeps_the_posterior_of_a_line(tmp_path):
     assert mean == pytest.approx([1.0899, 1.9400], abs=3 * 0.17 / math.sqrt(400))
     assert std == pytest.approx([0.1673, 0.0894], rel=0.12)
     assert kept["log_evidence"].values[0] == pytest.approx(-7.6099, abs=0.3)
+    line = np.column_stack([np.ones(4), np.arange(4)])
+    covariance = np.linalg.inv(line.T @ line / 0.2**2 + np.eye(2) / 10**2)
+    spread = np.sqrt(np.diag(line @ covariance @ line.T))
+    assert kept["predicted_std"].values == pytest.approx(spread, rel=0.12)
+    assert kept["measured_std"].values == pytest.approx(np.full(4, 0.2))
     assert kept["prior_std"].values == pytest.approx([10.0, 10.0], rel=0.05)
     assert kept["posterior_mean"].attrs["interval_level"] == 0.95
     draws = tree["runs/fit/draw"].values.tolist()
