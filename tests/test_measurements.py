@@ -309,8 +309,11 @@ def test_shots_teach_one_combination_of_a_target_alone(rods):
     assert abs(density) < 0.3
     text = " ".join(summary_lines(rods)).replace("\N{NO-BREAK SPACE}", " ")
     assert "fits 12 measured values of shots" in text
+    assert "Nothing speaks against the model in 12 measured values together" in text
     assert "nothing on plasticity_radius, crater_radius, target_density alone" in text
     assert "The combination 0.85 plasticity_radius - 0.52 crater_radius, each in" in text
+    (table,) = (each for each in output_tables(rods) if "what the data teach" in each.title)
+    assert [cells[1][:3] for _, cells in table.rows] == ["yes", "no:", "no:"]
     assert not list(find_faults(rods))
 
 
