@@ -48,7 +48,7 @@ DESIGNS = study_text(
         "steps": {"kind": "one-at-a-time"},
         "spread": {"kind": "latin-hypercube", "runs": 200},
     },
-    surrogates={"pce": {"kind": "polynomial-chaos", "design": "spread"}},
+    surrogates={"pce": {"kind": "polynomial-chaos", "design": "spread", "order": 4}},
     published={"elsewhere": {"source": "a report", "y": {"mean": 3.5, "response": {"x1": 0.1}}}},
 )
 

@@ -199,7 +199,7 @@ def test_mistakes_are_met_before_a_run(tmp_path, kind, settings, expected):
         ('kind = "subset-simulation"\nevent = "depth > 5 m"\nsamples = 100', (14,), "a + b"),
         ('kind = "importance-sampling"\nevent = "depth > 5 m"\nsamples = 200', (5,), "a + b"),
         (
-            'kind = "active-learning"\nevent = "depth > 7 m"\nlearning = 30\ncorrection = 60',
+            'kind = "active-learning"\nevent = "depth > 7 m"\nlearning = 20\ncorrection = 60',
             (4,),
             "a + b + 0.1 * (a - b) ** 2",
         ),

@@ -89,11 +89,11 @@ def test_the_work_for_thresholds_grows_with_their_number(study_of, monkeypatch):
         return made_ones(value, *reasons)
 
     monkeypatch.setattr(Estimate, "without_bounds", counted)
-    for number in (10, 40):
+    for number in (5, 15):
         limits = np.linspace(0.5, 1.5, number).round(3).tolist()
         corrected(study_of("a + b", f"[outputs.y]\nexceeds = {limits}", a=(0, 1), b=(0, 1)))
     # Each has two indices of two inputs.
-    assert estimates[40] - estimates[10] <= 30 * 2 * 2 * 3
+    assert estimates[15] - estimates[5] <= 10 * 2 * 2 * 3
 
 
 def test_no_threshold_keeps_draws_of_its_own(study_of):

@@ -308,8 +308,8 @@ def test_one_run_of_each_fate_is_counted_and_spoils_nothing():
 
 
 def test_memory_does_not_grow_with_thresholds():
-    runs, peaks = runs_of(lambda x1, x2: x1 + x2, [UNIT, UNIT], Saltelli(2048)), []
-    for number in (2, 2, 60):  # the first imports
+    runs, peaks = runs_of(lambda x1, x2: x1 + x2, [UNIT, UNIT], Saltelli(1024)), []
+    for number in (2, 2, 40):  # the first imports
         tracemalloc.start()
         indices(runs, *np.linspace(0.2, 1.8, number).tolist())
         peaks.append(tracemalloc.get_traced_memory()[1] / runs.sizes["run"] / 8)

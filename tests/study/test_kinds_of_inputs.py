@@ -167,9 +167,7 @@ def test_correlations_of_whole_numbers_have_their_value_and_shared_parts_a_note(
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("kind_of_surrogate", ["polynomial-chaos", "gaussian-process"])
 def test_surrogates_have_the_exact_numbers_or_say_why_not(kind, kind_of_surrogate, study_of):
-    design = (
-        f'"monte-carlo"\nruns = 200\n[surrogates.s]\nkind = "{kind_of_surrogate}"\ndesign = "d"'
-    )
+    design = f'"monte-carlo"\nruns = 80\n[surrogates.s]\nkind = "{kind_of_surrogate}"\ndesign = "d"'
     if kind == "conditional" and kind_of_surrogate == "polynomial-chaos":
         with pytest.raises(uqpen.StudyError, match='"gaussian-process" takes any inputs'):
             made(study_of, kind, design)

@@ -239,14 +239,6 @@ def archive(tmp_path_factory):
     return folder / "one.nc"
 
 
-def test_the_archive_has_the_same_bytes_by_two_workers(tmp_path):
-    (tmp_path / "model.py").write_text(MODEL.replace("121", "25").replace("31", "13"))
-    study = uqpen.parse_study(STUDY.replace("runs = 100", "runs = 40"), folder=tmp_path)
-    for workers in (1, 2):
-        uqpen.make_archive(study, tmp_path / f"{workers}.nc", workers=workers)
-    assert (tmp_path / "1.nc").read_bytes() == (tmp_path / "2.nc").read_bytes()
-
-
 def test_an_archive_predicts_curves_with_their_ends(archive, tmp_path):
     surrogate = uqpen.open_archive(archive).surrogate("pce")
     found = surrogate(x=[1.0, 1.2], z=["8 s", "10 s"])

@@ -7,6 +7,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from scipy.spatial.distance import cdist
 
 import uqpen
 from uqpen.charts.source_comparison import compared_statistics
@@ -77,7 +78,7 @@ class LongLength(OutputSurrogate):
 
 
 def _kernel(left, right):
-    return np.exp(-((left[:, None] - right[None]) ** 2).sum(axis=-1) / 8)
+    return np.exp(-cdist(left, right, "sqeuclidean") / 8)
 
 
 @dataclass(frozen=True, eq=False)
