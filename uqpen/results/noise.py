@@ -38,14 +38,9 @@ def noise_lines(model: xr.DataTree) -> Iterator[str]:
 def is_little(model: xr.DataTree) -> bool:
     """Check that noise which was seen is of numbers, and a thousandth of the variance at most."""
     shares = [each.share for each in _of_numbers(model)]
-    others = any(
-        _varies(pairs[name])
-        for design in group_names(model, NOISE)
-        for pairs in [read_group(model, NOISE, design)]
-        for name in pairs.data_vars
-        if not _is_number(pairs[name])
-    )
-    return bool(shares) and max(shares) <= _LITTLE and not others
+    pairs = (read_group(model, NOISE, design) for design in group_names(model, NOISE))
+    others = (x for each in pairs for x in each.data_vars.values() if not _is_number(x))
+    return bool(shares) and max(shares) <= _LITTLE and not any(map(_varies, others))
 
 
 # Share of the variance up to which noise changes no figure of a study visibly.
