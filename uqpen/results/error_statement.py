@@ -7,7 +7,7 @@ computed for all that it has in it.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import groupby
 from typing import Any, NamedTuple
 
@@ -89,10 +89,10 @@ class ErrorStatement(NamedTuple):
     design: str
     is_probability: bool
     unit: str  # that it is shown in
-    answer: float = math.nan
-    parts: tuple[ErrorPart, ...] = ()
-    total: ErrorPart = ErrorPart("", math.nan, math.nan, "")
-    bought: tuple[ErrorPart, ...] = ()  # what more runs make of a part
+    answer: float
+    parts: tuple[ErrorPart, ...]
+    total: ErrorPart
+    bought: tuple[ErrorPart, ...]  # what more runs make of a part
 
     @property
     def column(self) -> str:
@@ -121,14 +121,18 @@ def error_statements(archive: xr.DataTree) -> Iterator[ErrorStatement]:
         return  # its models are one at several values, whose differences are the answer
     for output, design, unit, record, arrays in _estimates(archive):
         for label, entries in labelled_entries(record, arrays):
-            parts = ErrorStatement(output, label, design, record.unit is UnitRule.NONE, unit)
-            statement = _stated(parts, record.name, entries)
-            # The limits of the intervals are those of one part, unless there is one without a row.
-            is_one = f"total_{record.name}" not in entries
-            counted = [each for each in statement.parts if each.name != _LIMITS or not is_one]
-            is_main = any(each.name.startswith(MAIN) for each in counted)
-            if sum(each.is_known for each in counted) > 1 and (is_main or record in _ALWAYS):
-                yield statement
+            name, is_probability = record.name, record.unit is UnitRule.NONE
+            answers = (entries.get(each) for each in (f"plug_in_{name}", name))
+            known = [float(each[0]) for each in answers if each is not None]
+            parts = tuple(_parts(name, entries, known, is_probability=is_probability))
+            if not _is_stated(record, entries, parts):
+                continue
+            middles = ((part.lower + part.upper) / 2 for part in parts if part.is_known)
+            answer = next(iter((*known, *middles)))
+            total, bought = _total(name, entries, parts), tuple(_bought(entries, parts, answer))
+            yield ErrorStatement(
+                output, label, design, is_probability, unit, answer, parts, total, bought
+            )
 
 
 def _estimates(
@@ -207,21 +211,17 @@ def _together(
     return found
 
 
-def _stated(
-    statement: ErrorStatement, name: str, arrays: dict[str, xr.DataArray]
-) -> ErrorStatement:
-    """Return a statement with its parts, from all estimates along ``bound``."""
-    answers = (arrays.get(each) for each in (f"plug_in_{name}", name))
-    known = [float(each[0]) for each in answers if each is not None]
-    parts = tuple(_parts(name, arrays, known, is_probability=statement.is_probability))
-    middles = ((part.lower + part.upper) / 2 for part in parts if part.is_known)
-    answer = next(iter((*known, *middles)), math.nan)
-    return statement._replace(
-        answer=answer,
-        parts=parts,
-        total=_total(name, arrays, parts),
-        bought=tuple(_bought(arrays, parts, answer)),
-    )
+def _is_stated(
+    record: Statistic, arrays: dict[str, xr.DataArray], parts: Sequence[ErrorPart]
+) -> bool:
+    """Check for two known parts; an answer that need not have a statement has a main one, too.
+
+    The limits of the intervals are those of one part, unless there is one without a row.
+    """
+    is_one = f"total_{record.name}" not in arrays
+    counted = [each for each in parts if each.name != _LIMITS or not is_one]
+    is_main = any(each.name.startswith(MAIN) for each in counted)
+    return sum(each.is_known for each in counted) > 1 and (is_main or record in _ALWAYS)
 
 
 def _parts(
