@@ -295,7 +295,7 @@ def test_what_other_software_writes_is_read(name, tmp_path):
     near = {"rtol": 1e-8} if name in ("packed", "quantised") else {"rtol": 0}
     file = read_data_file(path)
     for column, expected in (("a", A), ("b", A**2)):
-        np.testing.assert_allclose(file.column(column).numbers(), expected, **near)
+        np.testing.assert_allclose(file.by_name[column].numbers(), expected, **near)
         read = {each.name: each for each in read_columns(path).columns}
         np.testing.assert_allclose(read[column].load(), expected, **near)
         output = NetcdfReader(path.name, variable=column).values(RunFiles(tmp_path))
