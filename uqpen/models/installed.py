@@ -135,13 +135,22 @@ def is_of_no_model(name: str) -> bool:
     return name in ("__main__", "__mp_main__") or name.partition(".")[0] == _PACKAGE
 
 
+@functools.lru_cache(maxsize=1)
+def _installed_modules(_: tuple[str, ...]) -> dict[str, ModuleType]:
+    """Return those known to be installed under an import path, which the next study looks up."""
+    return {}
+
+
 def loaded_own_modules() -> dict[str, ModuleType]:
     """Return the imported modules that are not installed, by name."""
-    return {
-        name: module
-        for name, module in list(sys.modules.items())
-        if not is_of_no_model(name) and (file := module_file(module)) and not is_installed(file)
-    }
+    installed = _installed_modules(tuple(sys.path))
+    own = {}
+    for name, module in list(sys.modules.items()):
+        if installed.get(name) is module or is_of_no_model(name):
+            continue
+        if file := module_file(module):
+            (installed if is_installed(file) else own)[name] = module
+    return own
 
 
 def reachable_modules(
