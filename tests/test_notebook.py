@@ -46,10 +46,16 @@ def area(length, width):
 """
 
 
-@pytest.fixture
-def notebook(tmp_path):
-    with open_notebook(tmp_path) as notebook:
+@pytest.fixture(scope="module")
+def kernel(tmp_path_factory):
+    with open_notebook(tmp_path_factory.mktemp("notebook")) as notebook:
         yield notebook
+
+
+@pytest.fixture
+def notebook(kernel, tmp_path):
+    kernel.run(f"%cd -q {tmp_path}")
+    return kernel
 
 
 def test_its_archive_is_that_of_a_file(notebook, tmp_path):

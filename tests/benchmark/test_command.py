@@ -58,13 +58,10 @@ class TestCompare:
         assert uqpen("show", "archives/small_compare.nc").out in done.out
         # Another process wrote the same bytes.
         assert Path("archives/small_compare.nc").read_bytes() == archive.read_bytes()
-
-    def test_it_tells_what_is_to_come(self, uqpen):
-        # Two budgets for three methods, ten times.
-        reported = uqpen("compare", "small.toml", *SHORT).err
-        assert "1\u202f952 runs, 512 of them for the reference" in reported
-        assert "repeat 1 of 10: about" in reported
-        assert "repeat 10 of 10: done" in reported
+        # It tells what is to come: two budgets for three methods, ten times.
+        assert "1\u202f952 runs, 512 of them for the reference" in done.err
+        assert "repeat 1 of 10: about" in done.err
+        assert "repeat 10 of 10: done" in done.err
 
     @pytest.mark.parametrize(
         ("options", "complaint"),

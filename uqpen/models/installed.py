@@ -144,7 +144,7 @@ def _installed_modules(_: tuple[str, ...]) -> dict[str, ModuleType]:
 def loaded_own_modules() -> dict[str, ModuleType]:
     """Return the imported modules that are not installed, by name."""
     installed = _installed_modules(tuple(sys.path))
-    own = {}
+    own: dict[str, ModuleType] = {}
     for name, module in list(sys.modules.items()):
         if installed.get(name) is module or is_of_no_model(name):
             continue
