@@ -287,7 +287,7 @@ def importance_weights(log_likelihood: FloatArray, predicted: FloatArray) -> Flo
 _PARTICLES, _MOVES, _ALL_MOVES = 1000, 25, 1000
 # Batches end early where this share of the draws of one is effective: few draws overstate it.
 _ENOUGH = 0.75
-# Batches of which z scores scale the variance.
+# Batches of which z scores widen the variance.
 _SCORED = 2
 # Number of the round of the draws that are the result.
 RESULT = -1
@@ -328,7 +328,8 @@ def search_posterior(
         number = left.pop(0)
         own = stream.child("round", number)
         last = np.concatenate(scores[-_SCORED:]) if scores else np.empty(0)
-        scale = float((last**2).mean()) if len(last) else 1.0
+        # Scores of the middle are small where a posterior has long ridges, so none narrows it.
+        scale = max(1.0, float((last**2).mean())) if len(last) else 1.0
         surrogate = RowsSurrogate.fit(prior, points, results, own, surrogate, scale)
         if surrogate is None:
             return
