@@ -169,7 +169,9 @@ def test_too_few_runs_of_a_distribution_give_no_bounds(study_of):
     found = stated(uqpen.run(study))["upper_exceedance"]
     assert np.isnan(found.values[0, 1:]).all()
     assert "no bounds:" in estimate_remark(found[0])
-    assert "effective runs" in estimate_remark(found[0])
+    reason = estimate_remark(found[0])
+    assert "effective runs (" in reason
+    assert "count for a distribution of the box (at least 30, and 10 %): take more runs" in reason
 
 
 def test_without_the_event_there_are_no_bounds(study_of):
