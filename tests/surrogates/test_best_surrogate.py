@@ -11,7 +11,7 @@ from uqpen.surrogates.best_surrogate import BestSurrogate, FixedChoice, ModelRac
 STUDY = """
 [designs.training]
 kind = "latin-hypercube"
-runs = 60
+runs = 40
 [surrogates.chosen]
 kind = "best"
 design = "training"
@@ -83,7 +83,7 @@ def test_refits_keep_the_kind_that_was_chosen(tree):
 
 
 def test_a_rule_is_no_sample_to_leave_out_runs_of(study_of):
-    text = STUDY.replace('"latin-hypercube"\nruns = 60', '"quadrature"\norder = 4')
+    text = STUDY.replace('"latin-hypercube"\nruns = 40', '"quadrature"\norder = 4')
     tree = uqpen.run(study_of("a + b", text, a=(0, 1), b=(0, 1)))
     reason = tree["surrogates/chosen/y"].attrs["not_fitted"]
     assert reason == "the training runs are no sample of the input distribution"
