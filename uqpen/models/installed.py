@@ -46,28 +46,22 @@ def is_installed(file: str) -> bool:
     A file is installed if the record of an installed distribution lists it. So a package that is
     installed as editable is not, nor is a file that was put beside installed ones.
     """
-    return _is_installed(file if os.path.isabs(file) else os.path.abspath(file), tuple(sys.path))
-
-
-# Each study asks for the file of every imported module.
-@functools.lru_cache(maxsize=8192)
-def _is_installed(file: str, import_path: tuple[str, ...]) -> bool:
     file = os.path.abspath(file)
     if file.startswith(_SYSTEM):
         return True
     if file.startswith((*_STANDARD, *_SITE, _PACKAGE_FOLDER)):
         # Of a file directly in a folder of packages alone: reading every record would take long.
         is_single = any(file.startswith(each) and os.sep not in file[len(each) :] for each in _SITE)
-        return _is_recorded(file, import_path) if is_single else True
+        return _is_recorded(file) if is_single else True
     real = os.path.realpath(file)
     if real != file and real.startswith((*_STANDARD, *_SITE, _PACKAGE_FOLDER, *_SYSTEM)):
-        return _is_installed(real, import_path)
-    return _is_recorded(file, import_path)
+        return is_installed(real)
+    return _is_recorded(file)
 
 
-def _is_recorded(file: str, import_path: tuple[str, ...]) -> bool:
+def _is_recorded(file: str) -> bool:
     """Check that a distribution in the entry of the import path above a file lists the file."""
-    for entry in import_path:
+    for entry in sys.path:
         folder = os.path.abspath(entry) + os.sep
         if file.startswith(folder):
             name = file[len(folder) :].replace(os.sep, "/")
