@@ -104,6 +104,7 @@ def test_a_block_that_is_not_run_says_why():
 FEWER = {
     "MonteCarlo(runs=2000)": "MonteCarlo(runs=400)",
     "LatinHypercube(runs=200)": "LatinHypercube(runs=50)",
+    "SobolSequence(runs=512)": "SobolSequence(runs=64)",
 }
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -101,11 +102,26 @@ def _renamed(text: str) -> str:
 WIDE = 1200
 
 
+# A browser runs a loop of events, which other tests must not meet: it is closed behind these.
+_browser: list[Browser] = []
+_closing = ExitStack()
+
+
 @pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    """A browser of this module alone, as it runs a loop of events."""
-    with chromium() as started:
-        yield started
+def browser() -> Browser:
+    """The browser of all reports."""
+    if not _browser:
+        _browser.append(_closing.enter_context(chromium()))
+    return _browser[0]
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_teardown(nextitem: pytest.Item | None) -> Iterator[None]:
+    """Close the browser where the next test is of another folder."""
+    yield
+    if nextitem is None or Path(__file__).parent not in nextitem.path.parents:
+        _closing.close()
+        _browser.clear()
 
 
 class Shown(NamedTuple):
@@ -132,6 +148,10 @@ class Reports:
             self._shown[name, charts] = self._open(self.path(name).as_uri(), charts=charts)
         return self._shown[name, charts]
 
+    def close(self) -> None:
+        for shown in self._shown.values():
+            shown.page.close()
+
     def path(self, name: str) -> Path:
         path = self._folder / f"{name}.html"
         if not path.exists():
@@ -157,13 +177,15 @@ def reports(
     archives: Mapping[str, xr.DataTree],
     request: pytest.FixtureRequest,
     tmp_path_factory: pytest.TempPathFactory,
-) -> Reports:
+) -> Iterator[Reports]:
     """Of the archives of all tests, and of those of fixtures."""
 
     def tree_of(name: str) -> Any:
         return archives[name] if name in archives else request.getfixturevalue(name)
 
-    return Reports(browser, tmp_path_factory.mktemp("reports"), tree_of)
+    opened = Reports(browser, tmp_path_factory.mktemp("reports"), tree_of)
+    yield opened
+    opened.close()
 
 
 @pytest.fixture
