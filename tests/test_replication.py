@@ -61,6 +61,8 @@ def test_a_wrong_one_names_the_readings_that_fit(archive):
     found = replicate(path, trust=True)
     assert found.stated.moments.p < 1e-4
     assert [each.name for each in found.readings if each.fits] == ["wide"]
+    reading = uqpen.open_archive(path.parent / "sum_paper_wide.nc")
+    assert "spearman" not in reading["statistics/some/y"], "no publication has it"
     # The second time its runs are there.
     made = (path.parent / "sum_paper_wide.nc").stat().st_mtime_ns
     assert replicate(path, trust=True) == found
