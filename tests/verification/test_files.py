@@ -140,7 +140,9 @@ def test_a_file_that_was_changed_is_reported_and_not_used(
     assert not Path("executed").exists()
 
 
-@pytest.mark.parametrize("name", ["/etc/own.py", "a/../../../../leads_out.py", "points.csv/leads_out.py"])
+@pytest.mark.parametrize(
+    "name", ["/etc/own.py", "a/../../../../leads_out.py", "points.csv/leads_out.py"]
+)
 def test_no_name_leads_out_of_the_folder(uqpen, tmp_path, name):
     change("name", "beside.py", name, hashed_anew=True)
     before = {path for path in tmp_path.rglob("*") if "for_the_moment" not in path.parts}
