@@ -107,6 +107,17 @@ class MeasurementErrors:
         shared = self.shared_share is not None and bool(self.shared_share.any())
         return self.matrix is None and (shared or bool(self.share.any()))
 
+    def at(self, kept: IntArray) -> MeasurementErrors:
+        """Return the errors of some rows."""
+        names = ("std", "share", "shared_std", "shared_share", "group")
+        every = ((name, getattr(self, name)) for name in names)
+        found = {name: values[kept] for name, values in every if values is not None}
+        if self.matrix is not None:
+            found["matrix"] = self.matrix[np.ix_(kept, kept)]
+        if (of := self.discrepancy) is not None:
+            found["discrepancy"] = replace(of, places=of.places[kept])
+        return replace(self, **found)
+
     def model_covariance(self, sizes: FloatArray) -> FloatArray:
         """Return the covariance of the model's own error, shape (..., row, row) or (row, row).
 
@@ -173,6 +184,18 @@ class MeasuredOutput:
     censoring: IntArray  # (row,): `AT_LEAST`, `EXACTLY` or `AT_MOST`
     lines: IntArray  # (row,): number of the row in the file, from 1
     errors: MeasurementErrors
+
+    def at(self, kept: IntArray) -> MeasuredOutput:
+        """Return some of its rows."""
+        return MeasuredOutput(
+            self.output,
+            self.experiment[kept],
+            {name: values[kept] for name, values in self.places.items()},
+            self.values[kept],
+            self.censoring[kept],
+            self.lines[kept],
+            self.errors.at(kept),
+        )
 
     def predicted(self, results: FloatArray) -> FloatArray:
         """Return the results at the rows, linear between declared coordinates.
@@ -300,9 +323,12 @@ class MeasuredOutputs:
     experiments: int
     source: str = ""  # where they were published
     file: FileSnapshot | None = None
-    # Experiments of the rows in which nothing was measured: their values are NaN, and their errors
-    # have the numbers that are not known, nothing else.
+    # Experiments of the rows in which nothing was measured, or that are held out: their values are
+    # NaN, and their errors have the numbers that are not known, nothing else.
     blank: MeasuredOutputs | None = None
+    # The rows that are held out, in the experiments of those; and all rows. None for none held out.
+    left_out: MeasuredOutputs | None = None
+    whole: MeasuredOutputs | None = None
 
     def without_discrepancy(self) -> MeasuredOutputs:
         """Return the same experiments, in which the model has no error of its own."""
@@ -466,8 +492,14 @@ class Experiments:
 
     @cached_property
     def blank(self) -> Experiments:
-        """Experiments of the rows in which nothing was measured."""
+        """Experiments of the rows in which nothing was measured, or that are held out."""
         return Experiments(tuple(each.blank for each in self.sections if each.blank is not None))
+
+    @cached_property
+    def left_out(self) -> Experiments:
+        """Measured rows that no fit learns from, in the experiments of `blank`."""
+        found = (each.left_out for each in self.sections)
+        return Experiments(tuple(each for each in found if each is not None))
 
     def measured_rows(self, **statistics: FloatArray) -> Iterator[tuple[str, xr.DataArray]]:
         """Yield all measured values, what is known of them, and statistics of each by name.
@@ -496,16 +528,13 @@ class Experiments:
         rows = len(self.values)
         conditions: dict[str, FloatArray] = {}
         lines = np.concatenate([each.lines for _, each in self.outputs])
-        first = 0
+        first = start = 0
         for section in self.sections:
             inside = slice(first, first + sum(len(each.values) for each in section.outputs))
-            if inside.start == inside.stop:
-                continue
-            start = int(self.experiment[first]) - int(section.outputs[0].experiment[0])
             for name, values in section.conditions.items():
                 column = conditions.setdefault(name, np.full(rows, np.nan))
                 column[inside] = values[self.experiment[inside] - start]
-            first = inside.stop
+            first, start = inside.stop, start + section.experiments
         for each, of_output in self.rows:
             for name, values in each.places.items():
                 conditions.setdefault(name, np.full(rows, np.nan))[of_output] = values

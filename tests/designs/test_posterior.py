@@ -625,6 +625,60 @@ def test_blank_rows_are_predicted_with_the_error_of_the_model(machine):
     assert (runs["least_log_likelihood"].values[blank] == -np.inf).all()  # each is kept
 
 
+HELD_OUT = """seed = 1
+[model]
+python = "line.py:line"
+vectorized = true
+inputs = { x = "1", a = "1", b = "1" }
+outputs = { y = "1" }
+[inputs]
+x = 0
+a = { normal = { mean = 0, std = 10 } }
+b = { normal = { mean = 0, std = 10 } }
+[measured.line]
+conditions = ["x"]
+unknown = ["a", "b"]
+hold_out = [2, 6]
+[measured.line.table]
+x = [0, 1.5, 1, 2, 3, 5, 6]
+y = [1.1, 4.0, 2.9, 5.2, 6.8, 15.7, ""]
+[measured.line.y]
+std = { half-normal = 0.3 }
+[validation.line]
+accept = { y = 1 }
+[designs.fit]
+kind = "posterior"
+measured = ["line"]
+particles = 100
+[designs.whole]
+kind = "monte-carlo"
+runs = 20
+at = "line"
+"""
+
+
+def test_rows_that_are_held_out_teach_nothing_and_are_judged_as_fresh_ones(tmp_path):
+    (tmp_path / "line.py").write_text("def line(x, a, b):\n    return {'y': a + b * x}\n")
+    tree = uqpen.run(uqpen.parse_study(HELD_OUT, folder=tmp_path))
+    blank = HELD_OUT.replace("hold_out = [2, 6]\n", "").replace("4.0,", '"",').replace("15.7", '""')
+    alone = uqpen.run(uqpen.parse_study(blank, folder=tmp_path))
+    for name in ("posterior_mean", "prediction", "row_hash"):
+        found = tree["calibrations/fit"][name]
+        assert (found.values == alone["calibrations/fit"][name].values).all()
+    assert "fit" not in alone["validation"]
+    judged, draws = tree["validation/fit/y"], tree["calibrations/fit/posterior"]
+    assert judged["file_row"].values.tolist() == [2, 6]
+    assert judged["experiment_number"].values.tolist() == [5, 6]  # behind those that are fitted
+    assert not judged["used_before"].values.any()
+    means = tree["calibrations/fit"]["prediction"].values[:2, 0]
+    assert judged["comparison_error"].values[:, 0] == pytest.approx(means - [4.0, 15.7])
+    # Their errors have the size that the posterior knows.
+    size = np.sqrt((draws["std of y"].values ** 2).mean())
+    assert judged["measured_std"].values == pytest.approx([size, size])
+    assert judged["row_verdict"].values.tolist() == ["met", "not met"]
+    assert tree["validation/whole/y"].sizes["measured_row"] == 6
+
+
 def test_a_process_that_grows_from_0_is_predicted_outside_of_the_measurements():
     known = UnknownSize("", 1.0, "1", "")
     places, beyond = np.array([1.0, 2.0, 3.0]), np.array([0.0, 2.5, 9.0])

@@ -113,6 +113,46 @@ TABLE = "x = [0, 1, 2, 3]\ny = [1.1, 2.9, 5.2, 6.8]"
             "line.z: found an unknown key, nor an output of the model",
         ),
         (
+            'unknown = ["a", "b"]',
+            'unknown = ["a", "b"]\nhold_out = [2, 5]',
+            "measured.line.hold_out[1]: found 5; expected the number of a row, 1 to 4; or a label",
+        ),
+        (
+            'unknown = ["a", "b"]',
+            'unknown = ["a", "b"]\nexperiment = "x"\nhold_out = [7]',
+            'line.hold_out[0]: found 7; expected an entry of column "x"',
+        ),
+        (
+            'unknown = ["a", "b"]',
+            'unknown = ["a", "b"]\nhold_out = [1, 2, 3, 4]',
+            "line.hold_out: found all values of y; expected at least one that a fit learns from",
+        ),
+        (
+            f'unknown = ["a", "b"]\n[measured.line.table]\n{TABLE}',
+            'unknown = ["a", "b"]\nhold_out = [2]\n[measured.line.table]\n'
+            'x = [0, 1, 2, 3]\ny = [1.1, "", 5.2, 6.8]',
+            "line.hold_out: found row 2, in which nothing was measured; expected rows with a",
+        ),
+        (
+            f'unknown = ["a", "b"]\n[measured.line.table]\n{TABLE}\n[measured.line.y]\nstd = 0.2',
+            f'unknown = ["a", "b"]\nhold_out = [2]\n[measured.line.table]\n{TABLE}\n'
+            "[measured.line.y]\nstd = 0.2\nshared = { std = 1 }",
+            "line.hold_out: found rows whose errors of y depend on those of rows that are left; "
+            "expected all rows that share an error, or none of them",
+        ),
+        (
+            'unknown = ["a", "b"]',
+            'unknown = ["a"]\nvaries = ["b"]\nhold_out = [2]',
+            "line.hold_out: found a part of an experiment, which has an input with a value of its "
+            "own; expected whole experiments",
+        ),
+        (
+            'unknown = ["a", "b"]',
+            'unknown = ["a", "b"]\nhold_out = [2]',
+            "fit.measured: found rows that are held out, which a posterior alone is compared with; "
+            'expected kind = "posterior"; or two sections of measurements',
+        ),
+        (
             'measured = ["line"]',
             'measured = ["lime"]',
             'fit.measured: found "lime"; expected a [measured.<name>]',
@@ -143,3 +183,18 @@ def test_each_input_is_listed_with_its_role(tmp_path):
     (tmp_path / "line.py").write_text(MODEL)
     found = list(role_lines(parse_study(LINE, folder=tmp_path)))
     assert found == ["measured line: 1 experiment, 4 values; unknown a, b"]
+
+
+def test_labels_of_a_file_name_the_rows_that_are_held_out(tmp_path):
+    (tmp_path / "line.py").write_text(MODEL)
+    (tmp_path / "shots.csv").write_text("x,y,shot\n0,1.1,B7\n1,2.9,3\n2,5.2,A1\n3,6.8,3\n")
+    text = LINE.replace(f"[measured.line.table]\n{TABLE}\n", "").replace(
+        "least-squares", "posterior"
+    )
+    for written, lines in (('["A1", 3]', [2, 3, 4]), ('["B7", "B7"]', [1])):
+        section = f'file = "shots.csv"\nexperiment = "shot"\nhold_out = {written}\nunknown'
+        study = parse_study(text.replace("unknown", section, 1), folder=tmp_path)
+        (found,) = (each.left_out for each in study.measured.values())
+        assert found.outputs[0].lines.tolist() == lines
+        rows = f"{len(lines)} row{'s' * (len(lines) > 1)} held out"
+        assert next(role_lines(study)).split("; ")[1] == rows

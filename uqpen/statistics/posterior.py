@@ -407,6 +407,38 @@ def blank_row_statistics(
             yield own_name, at[name].rename({MEASURED_ROW: BLANK_ROW})
 
 
+def left_out_predictions(
+    measured: Experiments, runs: xr.Dataset, level: float
+) -> tuple[FloatArray, list[float]]:
+    """Return what a posterior predicts of the rows held out, and sizes of their errors.
+
+    Parameters
+    ----------
+    measured : Experiments
+    runs : Dataset
+        All runs of the design.
+    level : float
+        Confidence level.
+
+    Returns
+    -------
+    predicted : ndarray, shape (draw, row)
+        Results of the model alone; there is no draw without a posterior.
+    sizes : list of float
+        The root mean square over the posterior of each size that is not known.
+    """
+    runs, beyond = split_runs(measured, runs)
+    sample = posterior_sample(measured, runs, level)
+    left_out = measured.left_out
+    if isinstance(sample, str):
+        return np.empty((0, len(left_out.values))), [each.scale for each in left_out.sizes]
+    drawn = sample.runs.ravel()
+    at = np.searchsorted(beyond[PARENT_DRAW].values[:: measured.blank.count], drawn)
+    own = [size is each.errors.size for _, each in measured.outputs for size in each.errors.sizes]
+    squares = sample.values[drawn, len(measured.unknown) :][:, own] ** 2
+    return left_out.predicted(beyond)[at], np.sqrt(squares.mean(axis=0)).tolist()
+
+
 def failed_shares(
     measured: Experiments, runs: xr.Dataset, draws: BoolArray | IntArray
 ) -> tuple[str, xr.DataArray]:

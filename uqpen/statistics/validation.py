@@ -7,7 +7,7 @@ conditions, as the values have inputs and errors in common.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
@@ -268,22 +268,34 @@ def kolmogorov_distance(pit: FloatArray) -> FloatArray:
 def validations_at_experiments(
     experiments: Experiments,
     settings: ValidationSettings,
-    runs: xr.Dataset,
+    predicted: FloatArray,
+    sizes: Sequence[float],
     joint: JointDistribution,
     stream: Stream,
     level: float,
 ) -> Iterator[Validation]:
-    """Yield the validation of each measured output by the runs of a design at experiments.
+    """Yield the validation of each measured output by draws of the model at experiments.
 
-    Where the errors of measurement depend on the model, they are those at its mean. A size that is
-    not known is the root mean square of its prior. Values that have taught a posterior among the
-    inputs were used before.
+    Where the errors of measurement depend on the model, they are those at its mean. Values that
+    have taught a posterior among the inputs were used before.
+
+    Parameters
+    ----------
+    experiments : Experiments
+        The model has no error of its own in them: it is what is looked for.
+    settings : ValidationSettings
+    predicted : ndarray, shape (draw, row)
+        Results, NaN where a run failed.
+    sizes : sequence of float
+        Sizes of errors that are not known.
+    joint : JointDistribution
+    stream : Stream
+    level : float
+        Confidence level.
     """
-    experiments = experiments.without_discrepancy()  # it is what is looked for
-    predicted = experiments.predicted(runs)
     completed = np.isfinite(predicted).all(axis=1)
     at = predicted[completed].mean(axis=0) if completed.any() else experiments.values
-    covariance = experiments.covariance(at, [each.scale for each in experiments.sizes])
+    covariance = experiments.covariance(at, sizes)
     normal = stream.generator("errors of measurement").standard_normal(predicted.shape)
     errors = normal @ np.linalg.cholesky(covariance).T
     used = {*settings.fitted.row_hashes} if settings.fitted else set[str]()
@@ -292,6 +304,8 @@ def validations_at_experiments(
     taught = sum(len(each.inputs) for each in posteriors if each.taught_by)
     used_before = np.array([each in used for each in experiments.row_hashes])
     for each, own in experiments.rows:
+        if own.start == own.stop:
+            continue  # no value of it is held out
         yield Validation(
             measured=each.values,
             censoring=each.censoring,

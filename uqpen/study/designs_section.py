@@ -127,12 +127,21 @@ def _bound(
     if len(experiments.sections) < len(wanted):
         return design
     if at is None:
+        if any(each.left_out for each in experiments.sections):
+            alone = "two sections of measurements: one of them for this design"
+            if getattr(design, "sampling", None) is not Sampling.POSTERIOR:
+                found = "rows that are held out, which a posterior alone is compared with"
+                section.add_problem(MEASURED, found, f'kind = "posterior"; or {alone}')
+            elif len(wanted) > 1:
+                found = "rows that are held out beside another section"
+                section.add_problem(MEASURED, found, "one section")
         is_compared = isinstance(design, MeasuredDesign) and bool(wanted)
         return dataclasses.replace(design, experiments=experiments) if is_compared else design  # type: ignore[type-var]
     if problem := at_problem(design):
         section.add_problem("at", *problem)
         return design
-    return DesignAtExperiments(design, experiments)
+    sections = tuple(each.whole or each for each in experiments.sections)
+    return DesignAtExperiments(design, Experiments(sections))
 
 
 def _refuse_rules(table: TableReader, design: type) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from uqpen.core.arrays import FloatArray, IntArray
+from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 from uqpen.core.columns import Column, columns_of_table, read_columns
 from uqpen.core.errors import QuantityError, TableError, toml_text
 from uqpen.core.files import FileSnapshot
@@ -46,6 +46,7 @@ _FEWEST_REPEATS = 5
 _REPEATS = "repeats"
 # The key with the column that tells experiments of equal conditions apart.
 _EXPERIMENT = "experiment"
+_HOLD_OUT = "hold_out"
 _NO_COLUMN = Column("", DIMENSIONLESS, lambda: np.empty(0))
 
 _STD = (
@@ -105,7 +106,8 @@ def _read_section(name: str, section: TableReader, model: Model) -> MeasuredOutp
     roles = {role: _names(section, role) for role in ("unknown", "varies", "fixed")}
     expected = "a column that names the experiment of each row"
     label = section.text(_EXPERIMENT, expected) if _EXPERIMENT in section else ""
-    read = _read_file(section, tables, label or "")
+    labels = section.entries(_HOLD_OUT)
+    read = _read_file(section, tables, label or "", [str(each) for each in labels])
     section.check_unknown_keys("key, nor an output of the model,")
     inputs = {variable.name: variable for variable in model.inputs}
     for role, names in (("conditions", [*conditions]), *roles.items()):
@@ -139,8 +141,9 @@ def _read_section(name: str, section: TableReader, model: Model) -> MeasuredOutp
         and (std := _difference(section, ("conditions", each), written, inputs[each].unit))
     }
     known = {each: inputs[each] for each in conditions}
+    is_left_out = _left_out_rows(section, labels, rows, label, file)
     read_outputs = (
-        _read_output(inside, outputs[key], rows, experiment, known)
+        _read_output(inside, outputs[key], rows, experiment, known, is_left_out)
         for key, inside in tables.items()
     )
     measured = [of_output for of_output in read_outputs if of_output is not None]
@@ -158,8 +161,98 @@ def _read_section(name: str, section: TableReader, model: Model) -> MeasuredOutp
         source or "",
         file,
     )
-    blank = _blank_rows(rows, tables, measured, experiment)
-    return replace(_with_outputs(every, measured), blank=_with_outputs(every, blank))
+    return _divided(every, rows, tables, measured, experiment, is_left_out)
+
+
+def _divided(
+    every: MeasuredOutputs,
+    rows: _Table,
+    tables: Mapping[str, TableReader],
+    measured: Sequence[MeasuredOutput],
+    experiment: IntArray,
+    is_left_out: BoolArray,
+) -> MeasuredOutputs | None:
+    """Return the rows of outputs with blank ones, those held out apart; None for a mistake."""
+    fitted = [each.at(np.flatnonzero(~is_left_out[each.lines - 1])) for each in measured]
+    blank = _blank_rows(rows, tables, fitted, experiment)
+    made, beyond = _with_outputs(every, fitted), _with_outputs(every, blank)
+    if not is_left_out.any():
+        return replace(made, blank=beyond)
+    noted = len(rows.section.problems)
+    _check_left_out(rows.section, measured, is_left_out, blank[0].lines)
+    if len(rows.section.problems) > noted:
+        return None
+    numbers, held = np.unique(blank[0].experiment), []
+    for each in measured:
+        part = each.at(np.flatnonzero(is_left_out[each.lines - 1]))
+        # An error of the model itself is what a validation looks for.
+        errors = replace(part.errors, discrepancy=None)
+        at = np.searchsorted(numbers, part.experiment)
+        held.append(replace(part, experiment=at, errors=errors))
+    left_out = replace(beyond, outputs=tuple(held))
+    whole = _with_outputs(every, measured)
+    return replace(made, blank=beyond, left_out=left_out, whole=whole)
+
+
+def _left_out_rows(
+    section: TableReader,
+    labels: Sequence[Any],
+    rows: _Table,
+    label: str | None,
+    file: FileSnapshot | None,
+) -> BoolArray:
+    """Return True for the rows that no fit learns from."""
+    found: BoolArray = np.zeros(rows.rows, dtype=np.bool_)
+    numbers = _entries(rows.columns[label]) if label else np.arange(rows.rows) + 1.0
+    expected = f"the number of a row, 1 to {rows.rows}; or a label, with {_EXPERIMENT}"
+    expected = f'an entry of column "{label}"' if label else expected
+    # A text of a file stands there by its place in the list.
+    is_text = bool(label) and file is not None and file.path.suffix != ".nc"
+    texts = [str(each) for each in labels]
+    for place, each in enumerate(labels):
+        is_number = isinstance(each, int | float) and not isinstance(each, bool)
+        own = np.zeros_like(found)
+        if is_number or (is_text and isinstance(each, str)):
+            own = np.equal(numbers, texts.index(texts[place]) if is_text else each)
+        if not own.any():
+            section.add_wrong((_HOLD_OUT, place), each, expected)
+        found = found | own
+    return found
+
+
+def _check_left_out(
+    section: TableReader,
+    measured: Sequence[MeasuredOutput],
+    is_left_out: BoolArray,
+    predicted: IntArray,
+) -> None:
+    """Note rows that cannot be held out, as they have no value or something of the others."""
+    everything = np.concatenate([each.lines for each in measured])
+    missing = np.setdiff1d(np.flatnonzero(is_left_out) + 1, everything)
+    if len(missing):
+        found = f"row {missing[0]}, in which nothing was measured"
+        section.add_problem(_HOLD_OUT, found, "rows with a measured value")
+    elif len(missing := np.setdiff1d(np.flatnonzero(is_left_out) + 1, predicted)):
+        expected = "rows with a place along each dimension of all outputs"
+        section.add_problem(_HOLD_OUT, f"row {missing[0]}, which lacks one", expected)
+    experiments = [
+        np.concatenate([each.experiment[is_left_out[each.lines - 1] == part] for each in measured])
+        for part in (True, False)
+    ]
+    if (section.content.get("varies") or isinstance(section.content.get("conditions"), dict)) and (
+        len(np.intersect1d(*experiments))
+    ):
+        found = "a part of an experiment, which has an input with a value of its own"
+        section.add_problem(_HOLD_OUT, found, "whole experiments")
+    for each in measured:
+        if is_left_out[each.lines - 1].all():
+            found = f"all values of {each.output.name}"
+            section.add_problem(_HOLD_OUT, found, "at least one that a fit learns from")
+        own, errors = is_left_out[each.lines - 1], replace(each.errors, discrepancy=None)
+        sizes = np.array([size.scale for size in errors.sizes])
+        if errors.covariance(each.values, sizes, each.correlation)[own][:, ~own].any():
+            found = f"rows whose errors of {each.output.name} depend on those of rows that are left"
+            section.add_problem(_HOLD_OUT, found, "all rows that share an error, or none of them")
 
 
 def _with_outputs(every: MeasuredOutputs, outputs: Sequence[MeasuredOutput]) -> MeasuredOutputs:
@@ -232,9 +325,12 @@ def _names(section: TableReader, key: str) -> list[str]:
 
 
 def _read_file(
-    section: TableReader, tables: Mapping[str, TableReader], label: str
+    section: TableReader, tables: Mapping[str, TableReader], label: str, first: Sequence[str]
 ) -> tuple[_Table, FileSnapshot | None] | None:
-    """Return the rows of a section's file, or of its table; None where a mistake was noted."""
+    """Return the rows of a section's file, or of its table; None where a mistake was noted.
+
+    Texts of the column `label` are numbered, these `first`.
+    """
     groups = [
         shared["group"]
         for each in tables.values()
@@ -251,7 +347,8 @@ def _read_file(
             written = section.text(key, 'the name of a file, such as "shots.csv"')
             if written is None:
                 return None
-            read = read_columns(section.folder / written, blanks=True, groups=groups)
+            known = {label: first} if label else {}
+            read = read_columns(section.folder / written, known, blanks=True, groups=groups)
             columns, snapshot = read.columns, read.file
         by_name = {column.name: column for column in columns}
         if len(by_name) < len(columns):
@@ -330,6 +427,7 @@ def _read_output(
     rows: _Table,
     experiment: IntArray,
     conditions: Mapping[str, Input],
+    is_left_out: BoolArray,
 ) -> MeasuredOutput | None:
     """Read the measurements of one output; None where a mistake was noted."""
     noted = len(table.problems)
@@ -359,7 +457,8 @@ def _read_output(
     places = _places(table, output, rows, kept)
     if len(table.problems) > noted:
         return None
-    exact = np.where(censoring == EXACTLY, values, np.nan)  # no bound is a repeat
+    # No bound is a repeat, and no row that is held out.
+    exact = np.where((censoring == EXACTLY) & ~is_left_out, values, np.nan)
     errors = _read_errors(table, output, rows, kept, experiment, exact, places)
     discrepancy = _read_discrepancy(table, output, rows, kept, conditions)
     table.check_unknown_keys()
@@ -652,7 +751,8 @@ def read_validations(
             fitted = None
             if (written := section.take("fitted")) is not None:
                 content = {**sections.content[name], "file": written}
-                content.pop("table", None)
+                for key in ("table", _HOLD_OUT):
+                    content.pop(key, None)
                 other = section.inside(content, "fitted")
                 fitted = _read_section(name, replace(other, path=section.path), model)
             inputs = section.take("fitted_inputs") or 0
@@ -716,7 +816,10 @@ def role_lines(study: ValidatedStudy) -> Iterator[str]:
         rows = sum(len(of_output.values) for of_output in each.outputs)
         several = "s" * (each.experiments > 1)
         parts = [f"{each.experiments} experiment{several}, {rows} values"]
-        if each.blank and (blank := len(each.blank.outputs[0].values)):
+        held = {line for of in each.left_out.outputs for line in of.lines} if each.left_out else ()
+        if held:
+            parts.append(f"{len(held)} row{'s' * (len(held) > 1)} held out")
+        if each.blank and (blank := len(each.blank.outputs[0].values) - len(held)):
             parts.append(f"{blank} blank row{'s' * (blank > 1)}, which a posterior predicts")
         named = ((role, ", ".join(getattr(each, role))) for role in ROLES)
         parts += [f"{role} {names}" for role, names in named if names]

@@ -284,35 +284,46 @@ def calibration_statistics(
 def _validation_groups(
     study: ValidatedStudy, model: str, design: str, runs: Mapping[str, Runs]
 ) -> Groups:
-    """Yield what measurements say of a model, for each output and a design at experiments."""
+    """Yield what measurements say of a model, for each output and a design at experiments.
+
+    Those of a posterior are the rows that it has not learnt from.
+    """
     made = study.designs[design]
-    if not isinstance(made, DesignAtExperiments):
+    is_fit = isinstance(made, MeasuredDesign)
+    if not isinstance(made, DesignAtExperiments | MeasuredDesign):
         return
+    experiments = made.experiments.left_out if is_fit else made.experiments.without_discrepancy()
+    if not experiments.count:
+        return
+    from uqpen.statistics.posterior import left_out_predictions
     from uqpen.statistics.validation import (
         score_difference,
         validation_statistics,
         validations_at_experiments,
     )
 
-    (section,) = made.experiments.sections
+    (section,) = experiments.sections
     settings = study.validations.get(section.name, ValidationSettings())
-    stream = Stream(study.seed, "validation", design)
+    stream, level = Stream(study.seed, "validation", design), study.confidence_level
 
     def validations(name: str) -> Iterator[Validation]:
-        return validations_at_experiments(
-            made.experiments,
-            settings,
-            runs[name][design],
-            study.joint,
-            stream,
-            study.confidence_level,
-        )
+        of_design, sizes = runs[name][design], [each.scale for each in experiments.sizes]
+        if is_fit:
+            predicted, sizes = left_out_predictions(made.experiments, of_design, level)
+        else:
+            predicted = experiments.predicted(of_design)
+        of = (predicted, sizes, study.joint, stream, level)
+        return validations_at_experiments(experiments, settings, *of)
 
     first = next(iter(study.models))
     with one_blas_thread():
-        pairs = zip(made.experiments.rows, validations(model), validations(first), strict=True)
+        rows = ((each, own) for each, own in experiments.rows if len(each.values))
+        judged = [*validations(model)]
+        pairs = zip(rows, judged, judged if model == first else validations(first), strict=True)
         for (each, own), found, of_first in pairs:
-            statistics = dict(made.experiments.described_rows(own))
+            statistics = dict(experiments.described_rows(own))
+            if is_fit:  # they are experiments behind those with measurements
+                statistics["experiment_number"] += made.experiments.count
             statistics |= dict(validation_statistics(found, each.output))
             if model != first:
                 difference = score_difference(of_first, found)
