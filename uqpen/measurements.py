@@ -293,6 +293,35 @@ class MeasuredOutput:
             density = prior - 0.5 * (np.log(variance).sum(axis=1) + sums)
             yield part, scale * np.exp(logarithms), density
 
+    def size_quantiles(
+        self, predicted: FloatArray, sizes: FloatArray, shares: FloatArray
+    ) -> FloatArray:
+        """Return sizes of its errors below which they are with some probabilities, shape (draw,).
+
+        Parameters
+        ----------
+        predicted, sizes : ndarray
+            As in `size_densities`.
+        shares : ndarray, shape (draw,)
+            The probabilities, given the results of each draw.
+        """
+        found = np.empty(len(predicted))
+        for part, nodes, densities in self.size_densities(predicted, sizes):
+            density = np.exp(densities - densities.max(axis=1, keepdims=True))
+            steps = (density[:, 1:] + density[:, :-1]) / 2
+            below = np.cumsum(steps, axis=1)
+            wanted = shares[part, np.newaxis] * below[:, -1:]
+            at = np.argmax(below >= wanted, axis=1)[:, np.newaxis]
+            over = np.take_along_axis(below, at, axis=1) - wanted
+            inside = 1 - over / np.take_along_axis(steps, at, axis=1)
+            found[part] = (nodes[at] * (nodes[1] / nodes[0]) ** inside)[:, 0]
+        return found
+
+    @property
+    def is_by_repeats(self) -> bool:
+        """True if the likelihood is integrated over a size that follows from repeats."""
+        return math.isfinite(self.errors.freedom) and bool((self.censoring == EXACTLY).all())
+
     @cached_property
     def correlation(self) -> FloatArray:
         """Correlation of the independent errors, shape (row, row)."""
@@ -461,17 +490,27 @@ class Experiments:
         for number, (each, own) in self.integrated.items():
             drawn = np.flatnonzero(completed & np.isnan(sizes[:, number]))
             none = sizes[drawn, number][np.newaxis]
-            for part, nodes, densities in each.size_densities(predicted[drawn][:, own], none):
-                density = np.exp(densities - densities.max(axis=1, keepdims=True))
-                steps = (density[:, 1:] + density[:, :-1]) / 2
-                below = np.cumsum(steps, axis=1)
-                wanted = shares[drawn[part], number, np.newaxis] * below[:, -1:]
-                at = np.argmax(below >= wanted, axis=1)[:, np.newaxis]
-                over = np.take_along_axis(below, at, axis=1) - wanted
-                inside = 1 - over / np.take_along_axis(steps, at, axis=1)
-                sought = nodes[at] * (nodes[1] / nodes[0]) ** inside
-                found[drawn[part], number] = sought[:, 0]
+            of_draws = predicted[drawn][:, own], none, shares[drawn, number]
+            found[drawn, number] = each.size_quantiles(*of_draws)
         return found
+
+    def sizes_by_repeats(
+        self, predicted: FloatArray, sizes: FloatArray, rng: np.random.Generator
+    ) -> Iterator[tuple[MeasuredOutput, slice, FloatArray]]:
+        """Yield outputs whose size of errors follows from repeats, their rows, and draws of it.
+
+        Parameters
+        ----------
+        predicted : ndarray, shape (draw, row)
+            Finite.
+        sizes : ndarray, shape (draw, size)
+        rng : Generator
+            Source of a size for each draw, given its results.
+        """
+        for each, own, of_output in self._sizes_of(sizes):
+            if each.is_by_repeats:
+                shares = rng.random(len(predicted))
+                yield each, own, each.size_quantiles(predicted[:, own], of_output, shares)
 
     @property
     def has_discrepancy(self) -> bool:
@@ -783,8 +822,7 @@ class Experiments:
         found = self._normal_likelihood(predicted, np.where(np.isnan(drawn), scales, drawn), added)
         kept = np.flatnonzero(np.isfinite(found))
         for each, own, of_output in self._sizes_of(drawn[kept]):
-            by_repeats = math.isfinite(each.errors.freedom) and (each.censoring == EXACTLY).all()
-            if by_repeats or np.isnan(of_output).any():
+            if each.is_by_repeats or np.isnan(of_output).any():
                 more = None if added is None else added[kept][:, own, own]
                 densities = each.size_densities(predicted[kept][:, own], of_output, more)
                 for part, _, density in densities:

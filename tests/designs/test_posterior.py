@@ -625,6 +625,54 @@ def test_blank_rows_are_predicted_with_the_error_of_the_model(machine):
     assert (runs["least_log_likelihood"].values[blank] == -np.inf).all()  # each is kept
 
 
+REPEATS = """seed = 1
+[model]
+python = "same.py:same"
+vectorized = true
+inputs = { a = "1" }
+outputs = { y = "1" }
+[inputs]
+a = { uniform = { lower = 0, upper = 10 } }
+[measured.rows]
+unknown = ["a"]
+[measured.rows.table]
+y = [4.1, 5.0, 3.7, 4.6, 5.3, 4.4, 4.9]
+[measured.rows.y]
+std = "repeats"
+[designs.fit]
+kind = "posterior"
+measured = ["rows"]
+particles = 200
+"""
+
+
+def test_with_a_size_by_repeats_other_programs_see_students_t(tmp_path):
+    (tmp_path / "same.py").write_text("def same(a):\n    return {'y': a + 0}\n")
+    kept = uqpen.run(uqpen.parse_study(REPEATS, folder=tmp_path))["calibrations/fit"]
+    y, rows = np.array([4.1, 5.0, 3.7, 4.6, 5.3, 4.4, 4.9]), 7
+    # Given a draw, and with a flat prior of the logarithm of the size, it is t by the residuals.
+    off = y - kept["posterior"]["a"].values[..., np.newaxis]
+    scale = np.sqrt((off**2).mean(axis=-1, keepdims=True))
+    simulated = kept["posterior_predictive"]["y"].values
+    t = (simulated - kept["posterior"]["a"].values[..., np.newaxis]) / scale
+    # One value of each of 800 draws is independent of the others.
+    assert stats.kstest(t[..., 0].ravel(), stats.t(rows).cdf).pvalue > 0.01
+    # Three standard errors; it is 1 for normal errors.
+    assert (t[..., 0] ** 2).mean() == pytest.approx(rows / (rows - 2), abs=0.3)
+    # Each row, given all others, is t about their mean.
+    density = -np.log(np.exp(-kept["log_likelihood"]["y"].values).mean(axis=(0, 1)))
+    for row in range(rows):
+        others = np.delete(y, row)
+        width = others.std(ddof=1) * np.sqrt(1 + 1 / (rows - 1))
+        exact = stats.t(rows - 2, others.mean(), width).logpdf(y[row])
+        # The weights of 800 draws scatter by less.
+        assert density[row] == pytest.approx(exact, abs=0.15)
+    # Before any data, the size is what the repeats say of it: six degrees of freedom.
+    simulated = kept["prior_predictive"]["y"].values - kept["prior"]["a"].values[..., np.newaxis]
+    t = simulated[..., 0].ravel() / y.std(ddof=1)
+    assert stats.kstest(t, stats.t(6).cdf).pvalue > 0.01
+
+
 HELD_OUT = """seed = 1
 [model]
 python = "line.py:line"

@@ -505,6 +505,9 @@ def arviz_groups(
 ) -> Iterator[tuple[str, xr.Dataset]]:
     """Yield groups of a posterior by the names and dimensions of ArviZ, in SI units.
 
+    A size of errors that follows from repeats is drawn for each draw: for one of the posterior with
+    its results; for one of the prior by what repeats say alone. So predictions are Student's t.
+
     Parameters
     ----------
     joint : JointDistribution
@@ -526,10 +529,15 @@ def arviz_groups(
         rng = stream.generator(group)
         drawn = predicted[numbers]
         left_out = np.full(drawn.shape, np.nan)
+        rng_of_sizes = stream.generator(group, "sizes by repeats")
+        added = [*_added_by_repeats(measured, predicted, stds, rng_of_sizes, group)]
         for at, number in np.ndenumerate(numbers):
             normal = rng.standard_normal(drawn.shape[-1])
             if np.isfinite(predicted[number]).all():
-                covariance = measured.covariance(predicted[number], stds[number])
+                whole = measured.covariance(predicted[number], stds[number])
+                for rows, correlation, variance in added:
+                    whole[rows, rows] += variance[number] * correlation
+                covariance = whole
                 off = measured.values - predicted[number]
                 if group == "posterior" and measured.has_discrepancy:
                     # The model's own error is the one that the measurements teach.
@@ -540,8 +548,7 @@ def arviz_groups(
                 variances, axes = np.linalg.eigh(covariance)
                 drawn[at] += axes @ (np.sqrt(np.maximum(variances, 0)) * normal)
                 if group == "posterior":
-                    covariance = measured.covariance(predicted[number], stds[number])
-                    left_out[at] = conditional_log_densities(off, covariance)
+                    left_out[at] = conditional_log_densities(off, whole)
         yield f"{group}_predictive", _rows_dataset(measured, drawn, CHAINS)
         if group == "posterior" and (measured.censoring == EXACTLY).all():
             yield "log_likelihood", _rows_dataset(measured, left_out, CHAINS)
@@ -557,6 +564,29 @@ def arviz_groups(
     }
     own_dims = {name: (CHAINS, each) for name, each in statistics.items()}
     yield "sample_stats", xr.Dataset(own_dims, _along_chains(numbers.shape))
+
+
+def _added_by_repeats(
+    measured: Experiments,
+    predicted: FloatArray,
+    sizes: FloatArray,
+    rng: np.random.Generator,
+    group: str,
+) -> Iterator[tuple[slice, FloatArray, FloatArray]]:
+    """Yield rows whose size of errors follows from repeats, their correlation, and a variance.
+
+    That is how much more each draw has than repeats have, shape (draw,).
+    """
+    completed = np.flatnonzero(np.isfinite(predicted).all(axis=1))
+    drawn = measured.sizes_by_repeats(predicted[completed], sizes[completed], rng)
+    for each, own, size in drawn:
+        freedom, square = each.errors.freedom, each.errors.std[0] ** 2
+        squares = size**2
+        if group == "prior":
+            squares = square * freedom / rng.chisquare(freedom, len(completed))
+        variance = np.zeros(len(predicted))
+        variance[completed] = squares - square
+        yield own, each.correlation, variance
 
 
 def _log_prior(
