@@ -5,7 +5,7 @@ calibration: values of three unknowns are drawn from their priors, then a curve 
 errors, and the posterior of each such data set has to hold the values that it came from. The second
 has posteriors that are known, and counts the intervals by the scatter of replicates that hold their
 exact means, standard deviations and evidence. The third has posteriors with published means of long
-chains, and the fourth gives as many likelihoods to emcee, which has to be installed.
+chains, and the fourth gives as many likelihoods to emcee and OpenTURNS, which have to be installed.
 """
 
 from __future__ import annotations
@@ -291,14 +291,17 @@ def _reference(name: str, replicates: int, seed: int) -> Row:
     }
 
 
-# As many likelihoods for emcee, with each of its moves, from draws of the prior.
+# As many likelihoods for emcee, with each of its moves, and for the random walk of OpenTURNS, from
+# draws of the prior. Its steps are as wide as the prior at first, and it adapts them in the quarter
+# that is discarded.
 
 _WALKERS = 40
 
 
 def _beside(name: str, seed: int) -> Row:
-    """Return the errors of means by both programs, in standard deviations."""
+    """Return the errors of means by the programs, in standard deviations."""
     import emcee
+    import openturns
 
     known, stream = KNOWN[name], Stream(seed, "beside", name)
     sample = posterior_sample(known.problem, stream)
@@ -322,6 +325,17 @@ def _beside(name: str, seed: int) -> Row:
         sampler.run_mcmc(start, steps)
         chain = sampler.get_chain(discard=steps // 4, flat=True)
         means[move] = known.problem.values(chain).mean(axis=0)
+    rng = stream.generator("random walk")
+    openturns.RandomGenerator.SetSeed(int(rng.integers(2**31)))
+    walk = openturns.RandomWalkMetropolisHastings(
+        openturns.PythonFunction(dimension, 1, lambda point: log_density(np.array([point]))),
+        openturns.Interval([-np.inf] * dimension, [np.inf] * dimension),
+        rng.standard_normal(dimension),
+        openturns.Normal(dimension),
+    )
+    walk.setBurnIn(spent // 4)
+    chain = np.asarray(walk.getSample(spent))[spent // 4 :]
+    means["walk"] = known.problem.values(chain).mean(axis=0)
     off2 = {
         f"off2_{key}": float(np.mean(((mean - known.mean) / known.std) ** 2))
         for key, mean in means.items()
@@ -441,17 +455,22 @@ def _of_references(rows: Sequence[Row]) -> Iterator[str]:
         yield from lines(head, cells)
 
 
-def _of_both(rows: Sequence[Row]) -> Iterator[str]:
+def _of_others(rows: Sequence[Row]) -> Iterator[str]:
     own = [row for row in rows if row["kind"] == "beside"]
     head = ["posterior", "samples", "likelihoods", "rounds", "steps of emcee", "error of mean [sd]"]
-    head += ["emcee, stretch", "emcee, differences"]
-    methods = ("own", "stretch", "differences")
-    sums = ("count", "likelihoods", "rounds", "steps", *(f"off2_{each}" for each in methods))
+    head += ["emcee, stretch", "emcee, differences", "OpenTURNS"]
+    others = [f"off2_{each}" for each in ("stretch", "differences", "walk")]
+    sums = ("count", "likelihoods", "rounds", "steps", "off2_own", *others)
     cells = []
     for (name,), cell in totals(own, ("name",), sums).items():
-        off = (math.sqrt(getattr(cell, f"off2_{each}") / cell.count) for each in methods)
         numbers = (_number(getattr(cell, key) / cell.count) for key in sums[1:4])
-        cells.append([name, cell.count, *numbers, *(f"{each:.3f}" for each in off)])
+        cells.append([name, cell.count, *numbers, f"{math.sqrt(cell.off2_own / cell.count):.3f}"])
+        for off2 in (getattr(cell, key) for key in others):
+            # Errors fall with the root of the number of likelihoods.
+            times = off2 / cell.off2_own
+            cells[-1].append(
+                f"{math.sqrt(off2 / cell.count):.3f} ({times:.{0 if times >= 10 else 1}f} ×)"
+            )
     if cells:
         yield from lines(head, cells)
 
@@ -474,7 +493,7 @@ TABLES = {
     "curves": _curves,
     "known posteriors": _of_known,
     "published posteriors": _of_references,
-    "posteriors by emcee": _of_both,
+    "posteriors by other programs": _of_others,
 }
 TABLE = SeedTable(KEYS, _cases, _rows, TABLES, _failing)
 
