@@ -14,6 +14,7 @@ from scipy import stats
 import uqpen
 from tests.test_measurements import LINE, MODEL
 from uqpen.archive.structure import find_faults
+from uqpen.charts.measured_values import measurement_charts
 from uqpen.core.errors import StudyError
 from uqpen.core.streams import Stream
 from uqpen.core.variables import Output
@@ -33,6 +34,7 @@ from uqpen.measurements import (
     MeasurementErrors,
     UnknownSize,
 )
+from uqpen.results.archive_view import select_view
 from uqpen.results.calibrations import posterior_statements
 from uqpen.results.json import archive_json
 from uqpen.results.output_tables import output_tables
@@ -725,6 +727,19 @@ def test_rows_that_are_held_out_teach_nothing_and_are_judged_as_fresh_ones(tmp_p
     assert judged["measured_std"].values == pytest.approx([size, size])
     assert judged["row_verdict"].values.tolist() == ["met", "not met"]
     assert tree["validation/whole/y"].sizes["measured_row"] == 6
+
+
+def test_predictions_stand_beside_what_was_measured(machine):
+    _, tree = machine
+    of_with, _ = measurement_charts(select_view(tree, None, None, None))
+    (chart,) = (each for each in of_with.charts if each.title == "predictions against x")
+    measured, predicted = chart.marks
+    assert (len(measured.bounds), measured.marker) == (11, "circle")
+    assert (predicted.bounds.shape, predicted.marker) == ((4, 3), "square")
+    assert predicted.places.tolist() == list(discrepancy.WHERE)
+    assert predicted.hovers[0].startswith("row 12, x 3.1: predicted 1.7")
+    names = ["measured", "predicted", "predicted, no interval"]  # outside of what was measured
+    assert [each.text for each in chart.keys] == names
 
 
 def test_a_process_that_grows_from_0_is_predicted_outside_of_the_measurements():

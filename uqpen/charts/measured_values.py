@@ -12,7 +12,8 @@ from uqpen.archive.groups import group_names, read_group
 from uqpen.charts.chart import Axis, Chart, Charts, LegendKey
 from uqpen.charts.marks import Band, Bars, Dots, Line, Mark, Points, Rule
 from uqpen.core.arrays import FloatArray, evenly_spread
-from uqpen.core.labels import CALIBRATIONS, RUNS, UNKNOWN
+from uqpen.core.labels import CALIBRATIONS, MEASURED_CONDITION, RUNS, UNKNOWN
+from uqpen.core.units import scale
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.calibrations import fitted_rows, unknown_unit
 from uqpen.results.digits import count_text, number_text
@@ -26,6 +27,7 @@ _MOST_UNKNOWNS, _MOST_PAIRS, _MOST_POINTS, _BINS = 8, 3, 500, 60
 # Bars of one standard deviation would hide most of what is compared.
 _BARS = 2
 _NOTE = "Bars are two standard deviations."
+_NOTE_ON_PREDICTIONS = "Those of predictions are their intervals."
 
 
 def measurement_charts(view: ArchiveView) -> Iterator[Charts]:
@@ -35,13 +37,17 @@ def measurement_charts(view: ArchiveView) -> Iterator[Charts]:
             found = (of.values("predicted_mean"), of.values("predicted_std"))
             z = np.asarray(of.statistics["z_score"].values)
             yield _charts(view, of, *found, z)
-    for of in fitted_rows(view.tree):
+    for of, beyond in fitted_rows(view.tree):
         is_posterior = "predicted_mean" in of.statistics
         model = of.values("predicted_mean" if is_posterior else "fitted")
         spread = of.values("predicted_std") if is_posterior else 0 * model
         z = (model - of.values("measured")) / np.hypot(of.values("measured_std"), spread)
         z[of.statistics["bound_side"].values != 0] = np.nan  # no value was measured
-        yield _charts(view, of, model, spread, z)
+        charts = _charts(view, of, model, spread, z)
+        if beyond is not None:
+            shown = (*charts.charts, *_predictions(view, of, beyond))
+            charts = Charts(shown, notes=(*charts.notes, _NOTE_ON_PREDICTIONS))
+        yield charts
 
 
 class _Unknown(NamedTuple):
@@ -184,6 +190,39 @@ def _errors_by_condition(view: ArchiveView, of: MeasuredRows, z: FloatArray) -> 
                     opacity=0.8,
                 ),
             ),
+            of=of.output,
+            source=of.design,
+        )
+
+
+def _predictions(view: ArchiveView, of: MeasuredRows, beyond: MeasuredRows) -> Iterator[Chart]:
+    """Yield what a posterior predicts beside what was measured, against conditions."""
+    series, unit = view.series(of.design), unit_suffix(of.unit)
+    predicted = np.asarray(of.scale.from_si(beyond.statistics["prediction"].values))
+    hovers = [
+        f"row {beyond.label(row)}: predicted {number_text(float(each), 5)}{unit}"
+        for row, each in enumerate(predicted[:, 0])
+    ]
+    bars = _bars(of.values("measured"), of.values("measured_std"))
+    labels = [f"measured in {of.label(row)}" for row in range(len(bars))]
+    for name, (own_unit, values) in [*of.conditions.items()][:_MOST_CONDITIONS]:
+        known = beyond.statistics["condition"].sel({MEASURED_CONDITION: name}).values
+        where = np.asarray(scale(own_unit).from_si(known))
+        keys = [
+            LegendKey("measured", "ink", "circle"),
+            LegendKey("predicted", series, "square"),
+            LegendKey("predicted, no interval", series, "square-open"),
+        ]
+        yield Chart(
+            title=f"predictions against {name}",
+            summary=f"{count_text(len(where), 'prediction')} of {of.output} against {name}.",
+            x=Axis(title_with_unit(name, own_unit)),
+            y=Axis(title_with_unit(of.output, of.unit)),
+            marks=(
+                Dots(bars, values, "ink", labels, "measured", along="y"),
+                Dots(predicted, where, series, hovers, "predicted", "square", along="y"),
+            ),
+            keys=tuple(keys[: 2 + bool(np.isnan(predicted).any())]),
             of=of.output,
             source=of.design,
         )

@@ -53,18 +53,43 @@ def calibration_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
             yield table
 
 
-def fitted_rows(tree: xr.DataTree) -> Iterator[MeasuredRows]:
-    """Yield the rows of each output that unknown inputs were taught by."""
+def fitted_rows(tree: xr.DataTree) -> Iterator[tuple[MeasuredRows, MeasuredRows | None]]:
+    """Yield the rows of each output that unknown inputs were taught by, and those predicted."""
     for design, found, runs in _calibrations(tree):
         if "measured" not in found:
             continue
         outputs = found["measured_output"].values
+        predicted = {each.output: each for each in predicted_rows(design, found, runs)}
         for output in dict.fromkeys(outputs.tolist()):
             own = {MEASURED_ROW: np.flatnonzero(outputs == output)}
             rows = {
                 name: array.isel(own) for name, array in found.items() if MEASURED_ROW in array.dims
             }
-            yield MeasuredRows(design, str(output), rows, runs)
+            yield MeasuredRows(design, str(output), rows, runs), predicted.get(output)
+
+
+def predicted_rows(
+    design: str, found: Mapping[str, xr.DataArray], runs: xr.Dataset
+) -> Iterator[MeasuredRows]:
+    """Yield the rows of each output that a posterior predicts, without measured values.
+
+    Parameters
+    ----------
+    design : str
+    found : mapping of str to DataArray
+        Statistics of the posterior.
+    runs : Dataset
+        Its runs.
+    """
+    outputs = found["prediction_output"].values if "prediction" in found else np.empty(0)
+    for output in dict.fromkeys(outputs.tolist()):
+        own = {BLANK_ROW: np.flatnonzero(outputs == output)}
+        rows = {
+            name.replace("prediction_row", "experiment_number").removeprefix("prediction_"): each
+            for name, array in found.items()
+            if BLANK_ROW in array.dims and (each := array.isel(own)).size
+        }
+        yield MeasuredRows(design, str(output), rows, runs)
 
 
 def posterior_statements(tree: xr.DataTree) -> Iterator[tuple[str, str]]:
@@ -269,19 +294,13 @@ def _predictions_table(
 ) -> OutputTable:
     """Return what a posterior predicts where nothing was measured."""
     table = OutputTable(f"{design}: predictions", ["prediction", "sd"])
-    rows = {
-        "condition": found.get("prediction_condition"),
-        "experiment_number": found["prediction_row"],
-    }
-    known = {name: array for name, array in rows.items() if array is not None}
-    for place, output in enumerate(found["prediction_output"].values.tolist()):
-        of = MeasuredRows(design, output, known, runs)
-        at = {BLANK_ROW: place}
-        std = float(of.scale.difference_from_si(found["prediction_std"].values[place]))
-        cells = [table.cell(found["prediction"][at], of.scale.from_si)]
-        cells.append(number_text(std) if math.isfinite(std) else NOTHING)
-        title = label_with_unit(f"{output}, row {of.label(place)}", of.unit)
-        table.rows.append((title, cells))
+    for of in predicted_rows(design, found, runs):
+        stds = of.scale.difference_from_si(of.statistics["std"].values)
+        for place, std in enumerate(np.asarray(stds).tolist()):
+            cells = [table.cell(of.statistics["prediction"][{BLANK_ROW: place}], of.scale.from_si)]
+            cells.append(number_text(std) if math.isfinite(std) else NOTHING)
+            title = label_with_unit(f"{of.output}, row {of.label(place)}", of.unit)
+            table.rows.append((title, cells))
     return table
 
 
