@@ -26,6 +26,9 @@ class Status(IntEnum):
 # Whether a run ends so may depend on the machine.
 BY_MACHINE = (Status.TIMED_OUT, Status.CRASHED)
 
+# A share of failed runs around the posterior that a reader has to know of.
+MANY_FAILED = 0.05
+
 STATUS_TEXT = MappingProxyType({status: status.meaning.replace("_", " ") for status in Status})
 
 

@@ -24,6 +24,7 @@ from uqpen.core.labels import (
     RUNS,
     UNKNOWN,
 )
+from uqpen.core.status import MANY_FAILED
 from uqpen.core.units import scale
 from uqpen.results.digits import count_text, estimate_text, number_text
 from uqpen.results.source_statistics import SourceStatistics
@@ -130,8 +131,6 @@ def _discrepancy_sentence(
     return f"{text} How much hangs on it, a second posterior with discrepancy = false would say."
 
 
-# A share of failed runs around the posterior that a reader has to know of.
-_MANY_FAILED = 0.05
 # Experiments whose failed runs are named.
 _MOST_NAMED = 3
 # An unknown that has lost less of its prior's standard deviation is not taught.
@@ -143,7 +142,7 @@ def _posterior_sentences(found: Mapping[str, xr.DataArray], runs: xr.Dataset) ->
     if "posterior_std" not in found:
         yield f"{capitalized(str(mean['note'].values[0]))}."
         return
-    if (failed := float(found["posterior_failed_share"])) > _MANY_FAILED:
+    if (failed := float(found["posterior_failed_share"])) > MANY_FAILED:
         yield f"{failed:.0%} of the draws around the posterior failed, and are left out of it."
         shares = found["experiment_failed_share"]
         if shares.size > 1:

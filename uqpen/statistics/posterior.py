@@ -28,7 +28,7 @@ from uqpen.core.labels import (
     STATUS,
     UNKNOWN,
 )
-from uqpen.core.status import Status
+from uqpen.core.status import MANY_FAILED, Status
 from uqpen.core.streams import Stream
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.designs.posterior import (
@@ -49,8 +49,6 @@ from uqpen.statistics.intervals import student_interval
 # standard error of its mean is below this part of its standard deviation, and where its draws
 # correlate less with those that the last level moved from.
 _LARGEST_RHAT, _LARGEST_ERROR, _RELATED = 1.01, 0.05, 0.2
-# A share of failed runs around the posterior that a reader has to know of.
-MANY_FAILED = 0.05
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,6 +18,7 @@ from uqpen.core.labels import (
     VARIANCE_SCALE,
     WEIGHTED_POSTERIOR,
 )
+from uqpen.core.status import MANY_FAILED
 from uqpen.core.streams import Stream
 from uqpen.designs.posterior import error_stds, log_likelihoods
 from uqpen.distributions.joint_distribution import JointDistribution
@@ -27,7 +28,6 @@ from uqpen.statistics.estimate import LEVEL, Estimate
 from uqpen.statistics.intervals import student_interval
 from uqpen.statistics.posterior import (
     CHAINS,
-    MANY_FAILED,
     PROBABILITIES,
     arviz_groups,
     described_statistics,
