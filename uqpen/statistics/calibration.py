@@ -330,9 +330,16 @@ def fit_statistics(
     for name, value in diagnosis.items():
         title = CALIBRATION_STATISTICS[name].title
         yield name, xr.DataArray(value, attrs={"units": DIMENSIONLESS, "long_name": title})
+    yield from _unknowns_found(fitted, unknowns, level, settings.level or level)
+
+
+def _unknowns_found(
+    fitted: FittedUnknowns, unknowns: Unknowns, level: float, profile_level: float
+) -> Iterator[tuple[str, xr.DataArray]]:
+    """Yield the unknowns with intervals, correlations and all minima, each in its SI unit."""
     for name, estimate, own_level in (
         ("unknown_value", fitted.estimate, level),
-        ("profile_value", fitted.profile_estimate, settings.level or level),
+        ("profile_value", fitted.profile_estimate, profile_level),
     ):
         working = Estimate.stacked(map(estimate, range(len(unknowns.names))))
         bounds = {
