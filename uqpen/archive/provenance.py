@@ -75,14 +75,14 @@ def provenance_differences(
         values = [str(each.get(name, _UNKNOWN)) for each in (first, second)]
         if values[0] == values[1]:
             continue
-        prefix = name.removeprefix("version_").replace("_", " ")
+        label = name.removeprefix("version_").replace("_", " ")
         if name == "cpu_features" and _UNKNOWN not in values:
             one, other = (value.split() for value in values)
             values = [
                 " ".join(feature for feature in these if feature not in those) or "none besides"
                 for these, those in ((one, other), (other, one))
             ]
-        yield prefix, values[0], values[1]
+        yield label, values[0], values[1]
 
 
 @functools.cache

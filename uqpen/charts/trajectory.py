@@ -231,7 +231,7 @@ def axial_velocity(
     s : float
         Extent of plastic flow in the rod, m.
     nominal : tuple of float
-        R, S (m) and ε.
+        Radius R of the crater, m; radius S of the plastic zone, m; parameter ε of the smoothing.
     """
     u, v = velocities
     R, S, epsilon = nominal

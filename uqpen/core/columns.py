@@ -193,7 +193,7 @@ def _listed(values: list[Any], name: str, blanks: bool) -> FloatArray:
 
 
 def _csv(path: Path, content: bytes) -> Iterator[tuple[int, list[str]]]:
-    """Yield the rows of a CSV file that are not blank, each with its line."""
+    """Yield the rows of a CSV file, each with its line."""
     # The reader goes through the bytes: a text of them takes four times as much.
     text = io.TextIOWrapper(io.BytesIO(content), encoding="utf-8-sig", newline="")
     reader = csv.reader(text)

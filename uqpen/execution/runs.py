@@ -119,7 +119,7 @@ def repeats_of(runs: xr.Dataset, output: str) -> FloatArray | None:
 
 
 def _by_repeat(output: str) -> str:
-    # No output has a name with spaces.
+    # The spaces keep it apart from every output, whose name has none.
     return f"{output} by {REPEAT}"
 
 

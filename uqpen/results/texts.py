@@ -9,7 +9,7 @@ from uqpen.core.progress import StudyProgress
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.results.digits import grouped_number, typeset_unit
 
-_LONGEST = 80
+_LONGEST = 80  # characters
 
 _WORD = re.compile(r"\w+")
 
@@ -79,7 +79,7 @@ def title_with_unit(title: str, unit: str) -> str:
 
 # Progress of a study in words: on a terminal, in a notebook, on the page of a running study.
 
-# Of a design's name on a line of 80 characters, which is to tell more.
+# Characters of a design's name: a line of 80 has the counts of its runs as well.
 _LONGEST_NAME = 24
 
 

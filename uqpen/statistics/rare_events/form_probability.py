@@ -152,7 +152,7 @@ def form_probability(runs: xr.Dataset, event: LimitState, level: float) -> RareE
 
 
 def _of_union(points: Sequence[DesignPoint]) -> float:
-    """Return the probability beyond any of the planes, by Ditlevsen's upper bound."""
+    """Return the probability beyond any of the planes, by Ditlevsen's upper bound (1979)."""
     total = 0.0
     for number, point in enumerate(points):
         common = max((_beyond_both(point, each) for each in points[:number]), default=0.0)
@@ -163,7 +163,8 @@ def _of_union(points: Sequence[DesignPoint]) -> float:
 def _beyond_both(first: DesignPoint, second: DesignPoint) -> float:
     """Return the probability beyond two planes: of two correlated normal variables.
 
-    It follows from independence by an integral over the correlation.
+    It follows from independence by an integral over the correlation (Plackett, 1954), whose
+    variable is the arcsine of the correlation.
     """
     a, b = first.reliability_index, second.reliability_index
     correlation = float(np.clip((first.direction * second.direction).sum(), -1, 1))
@@ -184,7 +185,7 @@ def _text(variable: xr.DataArray, run: int) -> str:
 def _described(points: Sequence[DesignPoint], runs: xr.Dataset) -> Iterator[str]:
     """Yield each design point in words, in the inputs' own units."""
     inputs = [
-        each for each in runs.data_vars.values() if each.attrs.get(ROLE) == "input" and each.ndim
+        each for each in runs.data_vars.values() if each.attrs.get(ROLE) == INPUT and each.ndim
     ]
     for point in points:
         parts = [
