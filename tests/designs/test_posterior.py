@@ -34,10 +34,13 @@ from uqpen.measurements import (
     MeasurementErrors,
     UnknownSize,
 )
+from uqpen.report.blocks import Heading
+from uqpen.report.sections.comparisons import measurements
 from uqpen.results.archive_view import select_view
 from uqpen.results.calibrations import posterior_statements
 from uqpen.results.json import archive_json
 from uqpen.results.output_tables import output_tables
+from uqpen.results.validations import validation_tables
 from uqpen.statistics.posterior import (
     PosteriorSample,
     conditional_log_densities,
@@ -727,6 +730,14 @@ def test_rows_that_are_held_out_teach_nothing_and_are_judged_as_fresh_ones(tmp_p
     assert judged["measured_std"].values == pytest.approx([size, size])
     assert judged["row_verdict"].values.tolist() == ["met", "not met"]
     assert tree["validation/whole/y"].sizes["measured_row"] == 6
+    view = select_view(tree, None, None, None)
+    titles = [charts.charts[0].title for charts in measurement_charts(view)]
+    compared = "measured against predicted"
+    assert titles == [f"held out: {compared}", compared, compared]
+    first, *_ = validation_tables(tree)
+    assert first.title == "y at values held out of fit"
+    headings = [each.text for each in measurements(view) if isinstance(each, Heading)]
+    assert len({*headings}) == len(headings)
 
 
 def test_predictions_stand_beside_what_was_measured(machine):

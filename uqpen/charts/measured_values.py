@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import combinations
 from typing import NamedTuple
 
@@ -36,7 +37,11 @@ def measurement_charts(view: ArchiveView) -> Iterator[Charts]:
         if "measured" in of.statistics:
             found = (of.values("predicted_mean"), of.values("predicted_std"))
             z = np.asarray(of.statistics["z_score"].values)
-            yield _charts(view, of, *found, z)
+            charts = _charts(view, of, *found, z)
+            if of.are_fresh:
+                named = (replace(each, title=f"held out: {each.title}") for each in charts.charts)
+                charts = replace(charts, charts=tuple(named))
+            yield charts
     for of, beyond in fitted_rows(view.tree):
         is_posterior = "predicted_mean" in of.statistics
         model = of.values("predicted_mean" if is_posterior else "fitted")

@@ -17,8 +17,10 @@ from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import (
     MEASURED_CONDITION,
     RUNS,
+    SAMPLING,
     VALIDATION,
 )
+from uqpen.core.sampling import Sampling
 from uqpen.core.statistic import AcceptanceVerdict
 from uqpen.core.units import DIMENSIONLESS, Scale, scale
 from uqpen.results.digits import count_text, estimate_text, number_text
@@ -47,6 +49,11 @@ class MeasuredRows:
     output: str
     statistics: Mapping[str, xr.DataArray]
     runs: xr.Dataset  # of the design: units and names
+
+    @property
+    def are_fresh(self) -> bool:
+        """Whether a posterior made the draws; what a validation compares it with was held out."""
+        return self.runs.attrs[SAMPLING] == Sampling.POSTERIOR
 
     @property
     def unit(self) -> str:
@@ -146,7 +153,8 @@ def validation_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
 
 def _rows_table(of: MeasuredRows) -> OutputTable:
     verdicts = of.statistics.get("row_verdict")
-    title = label_with_unit(f"{of.output} at the experiments of {of.design}", of.unit)
+    where = "values held out of" if of.are_fresh else "the experiments of"
+    title = label_with_unit(f"{of.output} at {where} {of.design}", of.unit)
     columns = ["measured", "model", "error", "z", *["verdict"] * (verdicts is not None)]
     table = OutputTable(title, columns)
     rows = of.statistics["experiment_number"].size

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import takewhile
@@ -50,10 +51,13 @@ from uqpen.surrogates.archived_surrogate import is_restorable
 
 def measurements(view: ArchiveView) -> Iterator[Block]:
     """Charts of the model beside the measurements, and a row for each measured value."""
+    by_heading = defaultdict[str, list[Charts]](list)  # a posterior has those held out as well
     for charts in measurement_charts(view):
         first = charts.charts[0]
-        yield Heading(f"{output_heading(view, first.of)} by {first.source}")
-        yield charts
+        by_heading[f"{output_heading(view, first.of)} by {first.source}"].append(charts)
+    for heading, own in by_heading.items():
+        yield Heading(heading)
+        yield from own
     for charts in posterior_charts(view):
         yield Heading(f"prior and posterior by {charts.charts[0].source}")
         yield charts
