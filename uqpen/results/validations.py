@@ -52,7 +52,7 @@ class MeasuredRows:
 
     @property
     def are_fresh(self) -> bool:
-        """Whether a posterior made the draws; what a validation compares it with was held out."""
+        """True for values that were held out: a validation of a posterior has no others."""
         return self.runs.attrs[SAMPLING] == Sampling.POSTERIOR
 
     @property

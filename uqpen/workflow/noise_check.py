@@ -75,7 +75,7 @@ DECLARED = "declared"
 
 @dataclass(frozen=True)
 class NoiseCheck:
-    """What was seen of the noise of a model."""
+    """Result of making some runs of a model again, to see its noise."""
 
     text: str  # the word, a colon, and what was made again
     is_found: bool = False  # true if the model has noise that its study does not declare
