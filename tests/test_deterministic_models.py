@@ -32,16 +32,12 @@ OF_ARRAYS = {
     "a loop": "return np.array([iterated(*each) for each in zip(a, b)])",
 }
 INPUTS = {
-    "continuous": (
-        "{ uniform = { lower = 0.1, upper = 2 } }",
-        "{ normal = { mean = 3, std = 0.2 } }",
-    ),
-    "single values": (
-        "{ discrete = { values = [0.5, 1, 1.5] } }",
-        "{ integer = { lower = 1, upper = 9 } }",
-    ),
+    "continuous": ("{ uniform = { lower = 0.1, upper = 2 } }",
+                   "{ normal = { mean = 3, std = 0.2 } }"),
+    "single values": ("{ discrete = { values = [0.5, 1, 1.5] } }",
+                      "{ integer = { lower = 1, upper = 9 } }"),
     "fixed beside": ("{ weibull = { scale = 1, shape = 2 } }", "2.5"),
-}
+}  # fmt: skip
 
 PRELUDE = """
 import functools, math, warnings

@@ -177,26 +177,16 @@ def test_page_tables_and_json_say_that_runs_are_weighted(folder, tmp_path):
         ("runs = 3000", "runs = 300", "designs.monte_carlo", "other settings"),
         ("seed = 3", "seed = 4", "seed", "4"),
         ('"sums.py:total"', '"other.py:total"', "model", "model.python was "),
-        (
-            "[outputs.total]",
-            '[constraints]\nkeep = ["x > -9"]\n[outputs.total]',
-            "constraints",
-            "other constraints",
-        ),
-        (
-            "[designs.monte_carlo]",
-            '[designs.more]\nkind = "monte-carlo"\nruns = 10\n[designs.monte_carlo]',
-            "designs.more",
-            "a design without runs in the archive",
-        ),
-        (
-            "[designs.monte_carlo]",
-            f'[surrogates.gp]\nkind = "gaussian-process"\ndesign = "{DESIGN}"\n[designs.{DESIGN}]',
-            "surrogates",
-            "a surrogate, which would be fitted to weighted runs",
-        ),
+        ("[outputs.total]", '[constraints]\nkeep = ["x > -9"]\n[outputs.total]', "constraints",
+         "other constraints"),
+        ("[designs.monte_carlo]",
+         '[designs.more]\nkind = "monte-carlo"\nruns = 10\n[designs.monte_carlo]', "designs.more",
+         "a design without runs in the archive"),
+        ("[designs.monte_carlo]",
+         f'[surrogates.gp]\nkind = "gaussian-process"\ndesign = "{DESIGN}"\n[designs.{DESIGN}]',
+         "surrogates", "a surrogate, which would be fitted to weighted runs"),
     ],
-)
+)  # fmt: skip
 def test_a_study_that_changes_more_is_refused_with_its_line(folder, before, after, key, found):
     (folder / "other.py").write_text(MODEL.replace("+ load", "+ 2 * load"))
     study, text = folder / "changed.toml", STUDY.replace(before, after)

@@ -89,25 +89,15 @@ class TestUMBridgeClient:
         ("Evaluate", b"[]", 400, "InvalidInput", "the request is no JSON object"),
         ("Evaluate", b"{}", 400, "ModelNotFound", "no model null; known: ishigami"),
         ("ModelInfo", b'{"name": "x"}', 400, "ModelNotFound", 'no model "x"; known: ishigami'),
-        (
-            "Gradient",
-            b'{"name": "ishigami"}',
-            400,
-            "UnsupportedFeature",
-            "Gradient is not supported",
-        ),
-        (
-            "EvaluateShMem",
-            b'{"name": "ishigami"}',
-            400,
-            "UnsupportedFeature",
-            "EvaluateShMem is not supported",
-        ),
+        ("Gradient", b'{"name": "ishigami"}', 400, "UnsupportedFeature",
+         "Gradient is not supported"),
+        ("EvaluateShMem", b'{"name": "ishigami"}', 400, "UnsupportedFeature",
+         "EvaluateShMem is not supported"),
         ("Else", b"{}", 404, "NotFound", "/Else is not known"),
         ("Else", None, 404, "NotFound", "/Else is not known"),
         ("Evaluate", b"x" * 1_048_577, 413, "TooLarge", "a request has at most 1048576 bytes"),
     ],
-)
+)  # fmt: skip
 def test_what_is_no_run_gets_an_error_of_the_protocol(address, path, content, code, kind, message):
     reported = {"error": {"type": kind, "message": message}}
     assert asked(address, path, content) == (code, reported)

@@ -179,29 +179,14 @@ def test_two_swept_inputs_make_the_product(folder):
         ('"300 cm/s"', '"100 cm/s"', "sweep.speed[2]", '"100 cm/s"', "each value once"),
         ("speed = [", 'speeds = ["1 m/s"]\nspeed = [', "sweep.speeds", "an unknown input", "speed"),
         ("[sweep]\n", '[sweep]\nbolt = ["M8", "M9"]\n', "sweep.bolt[1]", '"M9"', "M8, M10"),
-        (
-            'bolt = "M8"\n',
-            'bolt = "M8"\nspeed = "1 m/s"\n',
-            "sweep.speed",
-            "speed, which [inputs] gives, too",
-            "it in one of them",
-        ),
-        (
-            "y = { uniform = { lower = 0, upper = 1 } }",
-            'y = "speed / (1 m/s)"',
-            "sweep.speed",
-            "speed, which y in [inputs] follows from",
-            "an input that no formula names",
-        ),
-        (
-            "[sweep]\n",
-            f"[sweep]\nx = {[k / 10 for k in range(201)]}\n",
-            "sweep",
-            "603 combinations",
-            "at most 200",
-        ),
+        ('bolt = "M8"\n', 'bolt = "M8"\nspeed = "1 m/s"\n', "sweep.speed",
+         "speed, which [inputs] gives, too", "it in one of them"),
+        ("y = { uniform = { lower = 0, upper = 1 } }", 'y = "speed / (1 m/s)"', "sweep.speed",
+         "speed, which y in [inputs] follows from", "an input that no formula names"),
+        ("[sweep]\n", f"[sweep]\nx = {[k / 10 for k in range(201)]}\n", "sweep", "603 combinations",
+         "at most 200"),
     ],
-)
+)  # fmt: skip
 def test_mistakes_are_met_before_a_run(folder, before, after, key, found, expected):
     (folder / "wrong.toml").write_text(STUDY.replace(before, after))
     with pytest.raises(StudyError) as caught:

@@ -361,22 +361,18 @@ REFUSED = {
     "text": (lambda path: path.write_text("a,b\n1,2\n"), "it is no NetCDF file"),
     "HDF5 behind another head": (
         lambda path: path.write_bytes(bytes(512) + b"\x89HDF\r\n\x1a\n" + bytes(512)),
-        "it is no NetCDF file",
-    ),
-    "scale 0": (
-        changed(lambda variable: variable.setncattr("scale_factor", 0.0)),
-        "its variable a is packed by a scale_factor of 0 and an add_offset of 0",
-    ),
+        "it is no NetCDF file"),
+    "scale 0": (changed(lambda variable: variable.setncattr("scale_factor", 0.0)),
+                "its variable a is packed by a scale_factor of 0 and an add_offset of 0"),
     "scale that is a text": (
         changed(lambda variable: variable.setncattr("scale_factor", "x")),
         "its variable a cannot be read by the library (could not convert string to float: 'x')",
     ),
     "a value for none that is a text": (
         changed(lambda variable: variable.setncattr("missing_value", "none")),
-        "its variable a cannot be read by the library (WARNING: missing_value not used",
-    ),
+        "its variable a cannot be read by the library (WARNING: missing_value not used"),
     "checksum": (flipped, "its variable a cannot be read by the library (NetCDF: HDF error)"),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", REFUSED)

@@ -189,32 +189,17 @@ READINGS = {
     "json path": ("""echo '{"a": [1, {"c": 3}]}' > o""", '{ json = "o", key = "a.1.c" }', 3.0),
     "csv": ("printf 't, stress\\n1, 2\\n\\n2,3\\n' > o", '{ csv = "o" }', 3.0),
     "csv row": ("printf 't,s\\n1,2\\n2,3\\n' > o", '{ csv = "o", column = "s", row = 0 }', 2.0),
-    "csv below comments": (
-        "printf '# R 4.2\\n# of today\\nt,stress\\n1,2\\n# more\\n2,3\\n' > o",
-        '{ csv = "o" }',
-        3.0,
-    ),
-    "csv with commented headings": (
-        "printf '# numpy\\n# t,stress\\n1,2\\n2,3\\n' > o",
-        '{ csv = "o" }',
-        3.0,
-    ),
-    "csv after": (
-        "printf 'stress\\n7\\nRESULTS: all\\nt,stress\\n1,2\\n2,3\\n' > o",
-        '{ csv = "o", after = "RESULTS" }',
-        3.0,
-    ),
-    "text": (
-        "echo s = 1; echo s = 3.0D+00",
-        "{ text = 'stdout', pattern = '^s = (.+)$', match = 'last' }",
-        3.0,
-    ),
-    "group": (
-        "echo at 1 s = 3 >&2",
-        "{ text = 'stderr', pattern = 'at (\\d) s = (?P<stress>.+)' }",
-        3.0,
-    ),
-}
+    "csv below comments": ("printf '# R 4.2\\n# of today\\nt,stress\\n1,2\\n# more\\n2,3\\n' > o",
+                           '{ csv = "o" }', 3.0),
+    "csv with commented headings": ("printf '# numpy\\n# t,stress\\n1,2\\n2,3\\n' > o",
+        '{ csv = "o" }', 3.0),
+    "csv after": ("printf 'stress\\n7\\nRESULTS: all\\nt,stress\\n1,2\\n2,3\\n' > o",
+                  '{ csv = "o", after = "RESULTS" }', 3.0),
+    "text": ("echo s = 1; echo s = 3.0D+00",
+             "{ text = 'stdout', pattern = '^s = (.+)$', match = 'last' }", 3.0),
+    "group": ("echo at 1 s = 3 >&2", "{ text = 'stderr', pattern = 'at (\\d) s = (?P<stress>.+)' }",
+              3.0),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(("script", "reading", "value"), READINGS.values(), ids=READINGS)
@@ -309,40 +294,23 @@ UNREADABLE = {
     "missing": ("true", '{ json = "out/o" }', "wrote no out/o"),
     "folder": ("mkdir o", '{ json = "o" }', "o is no file"),
     "pipe": ("mkfifo o", '{ json = "o" }', "o is no file"),
-    "ragged": (
-        "printf 'a,stress\\n1\\n' > o",
-        '{ csv = "o" }',
-        'there is no row -1 of column "stress" in o',
-    ),
-    "headings only": (
-        "echo stress > o",
-        '{ csv = "o" }',
-        'there is no row -1 of column "stress" in o',
-    ),
+    "ragged": ("printf 'a,stress\\n1\\n' > o", '{ csv = "o" }',
+               'there is no row -1 of column "stress" in o'),
+    "headings only": ("echo stress > o", '{ csv = "o" }',
+                      'there is no row -1 of column "stress" in o'),
     "no column": ("echo t,a > o", '{ csv = "o" }', 'o has no column "stress"; it has t, a'),
-    "no column of a table": (
-        "echo '# t a' > o",
-        '{ table = "o" }',
-        'o has no column "stress"; it has t, a',
-    ),
+    "no column of a table": ("echo '# t a' > o", '{ table = "o" }',
+                             'o has no column "stress"; it has t, a'),
     "empty": ("echo > o", '{ csv = "o" }', "o is empty"),
-    "no number": (
-        "printf 'stress\\nhigh\\n' > o",
-        '{ csv = "o" }',
-        'row -1 of column "stress" in o is no number',
-    ),
+    "no number": ("printf 'stress\\nhigh\\n' > o", '{ csv = "o" }',
+                  'row -1 of column "stress" in o is no number'),
     "no CSV": ("head -c 200000 /dev/zero | tr '\\0' x > o", '{ csv = "o" }', "o is not CSV"),
-    "no match": (
-        "echo high",
+    "no match": ("echo high", "{ text = 'stdout', pattern = 'stress = (\\S+)' }",
+                 'no match for "stress = (\\\\S+)" in stdout'),
+    "a match that is no number": ("echo stress = high",
         "{ text = 'stdout', pattern = 'stress = (\\S+)' }",
-        'no match for "stress = (\\\\S+)" in stdout',
-    ),
-    "a match that is no number": (
-        "echo stress = high",
-        "{ text = 'stdout', pattern = 'stress = (\\S+)' }",
-        'what "stress = (\\\\S+)" matches in stdout is no number',
-    ),
-}
+        'what "stress = (\\\\S+)" matches in stdout is no number'),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(("script", "reading", "reason"), UNREADABLE.values(), ids=UNREADABLE)
@@ -626,95 +594,67 @@ def test_a_model_is_distinguished_from_another_by_its_files(home):
 # --- mistakes in a study -------------------------------------------------------------------------
 
 MISTAKES = {
-    'command = "./solver {inputs}"': (
-        'found     "./solver {inputs}"',
-        'expected  a program and its arguments, such as ["./solver", "{inputs}"]',
-    ),
+    'command = "./solver {inputs}"': ('found     "./solver {inputs}"',
+        'expected  a program and its arguments, such as ["./solver", "{inputs}"]'),
     "command = []": ("found     an empty list",),
     'command = ["./solver", 3]': ("beam.toml:3  model.command[1]", "expected  a word in quotes"),
     'command = ["{width}", "{load}"]': ("expected  a program, without placeholders",),
     'command = ["./solvr", "{inputs}"]': (
-        'found     there is no program "./solvr" beside the study',
-    ),
+        'found     there is no program "./solvr" beside the study',),
     'command = ["solver", "{inputs}"]': (
         'found     there is no program "solver" in the PATH; the one beside '
-        'the study is "./solver"',
-        "expected  a program that can be executed",
-    ),
+        'the study is "./solver"', "expected  a program that can be executed"),
     'command = ["./deck", "{inputs}"]': ('found     "./deck" is not executable',),
     'command = ["./solver", "{wdth}", "{inputs}"]': (
         'beam.toml:3  model.command[1]\n    found     {wdth} in "{wdth}"',
-        'an input of the model; did you mean "width"? known: width, load, inputs, outputs',
-    ),
-    'command = ["./solver", "{width:s}", "{inputs}"]': (
-        'found     {width:s} in "{width:s}"',
-        "expected  a format such as {width:.6e}",
-    ),
+        'an input of the model; did you mean "width"? known: width, load, inputs, outputs'),
+    'command = ["./solver", "{width:s}", "{inputs}"]': ('found     {width:s} in "{width:s}"',
+        "expected  a format such as {width:.6e}"),
     'command = ["./solver", "{inputs:s}"]': ("expected  {inputs}: a path has no format",),
-    'command = ["./solver", "{", "{inputs}"]': (
-        'found     a single { in "{"',
-        "expected  {name} or {name:.6e}, and {{ or }} for a brace",
-    ),
+    'command = ["./solver", "{", "{inputs}"]': ('found     a single { in "{"',
+        "expected  {name} or {name:.6e}, and {{ or }} for a brace"),
     'command = ["./solver", "{width}"]': (
         "model.inputs.load\n    found     an input that the program does not get",
-        "expected  {inputs} or {load} in the command, or in a template",
-    ),
+        "expected  {inputs} or {load} in the command, or in a template"),
     'command = ["./solver", "{inputs}"]\ntemplates = { a = "none" }': (
         'model.templates.a\n    found     no file "none" beside the study',
-        "expected  the name of a file beside the study",
-    ),
+        "expected  the name of a file beside the study"),
     'command = ["./solver", "{inputs}"]\ntemplates = { a = "deck" }': (
-        'found     {hight} in "deck", line 2',
-    ),
+        'found     {hight} in "deck", line 2',),
     'command = ["./solver", "{inputs}"]\ntemplates = { a = "latin" }': (
-        'found     "latin", which is not UTF-8',
-    ),
+        'found     "latin", which is not UTF-8',),
     'command = ["./solver", "{inputs}"]\ntemplates = { "../a" = "deck", stdout = "deck" }': (
         "a path relative to the folder of the run, none of inputs.json, outputs.json, outcome.txt, "
-        "run.json, stdout, stderr",
-    ),
+        "run.json, stdout, stderr",),
     'command = ["./solver", "{inputs}"]\nfiles = ["none", "../beam", "stdout"]': (
-        'found     no file "none" beside the study',
-        "beam.toml:4  model.files[1]",
-        "expected  a name that nothing else has",
-    ),
+        'found     no file "none" beside the study', "beam.toml:4  model.files[1]",
+        "expected  a name that nothing else has"),
     'command = ["./solver", "{inputs}"]\ntime_limit = "0 s"': ('expected  a time such as "10 s"',),
-    'command = ["./solver", "{inputs}"]\nmemory_limit = "2 Gb"': (
-        'found     "2 Gb"',
-        'expected  a size such as "2 GB" or "512 MiB", at least 1 MB',
-    ),
+    'command = ["./solver", "{inputs}"]\nmemory_limit = "2 Gb"': ('found     "2 Gb"',
+        'expected  a size such as "2 GB" or "512 MiB", at least 1 MB'),
     'command = ["./solver", "{inputs}"]\nkeep = "some"': (
-        'which folders of runs are kept: "failed", "all" or "none"',
-    ),
+        'which folders of runs are kept: "failed", "all" or "none"',),
     'command = ["./solver", "{inputs}"]\nkept = "all"': ('did you mean "keep"?',),
     'command = ["./solver", "{inputs}"]\nread = { strss = { json = "o" } }': (
         "model.read.strss\n    found     an unknown output",
-        'did you mean "stress"? known: stress',
-    ),
+        'did you mean "stress"? known: stress'),
     'command = ["./solver", "{inputs}"]\nread.stress = "out.json"': (
-        'found     "out.json"\n    expected  a table',
-    ),
+        'found     "out.json"\n    expected  a table',),
     'command = ["./solver", "{inputs}"]\nread.stress = { file = "out.json" }': (
         "found     nothing that names a file",
-        "expected  one of json, csv, table, netcdf, text, with the name of a file",
-    ),
+        "expected  one of json, csv, table, netcdf, text, with the name of a file"),
     'command = ["./solver", "{inputs}"]\nread.stress = { json = "/out.json" }': (
-        "expected  the name of a file in the folder of the run, relative to it",
-    ),
+        "expected  the name of a file in the folder of the run, relative to it",),
     'command = ["./solver", "{inputs}"]\nread.stress = { json = "o", column = "a" }': (
-        "model.read.stress.column\n    found     an unknown key",
-    ),
+        "model.read.stress.column\n    found     an unknown key",),
     'command = ["./solver", "{inputs}"]\nread.stress = { csv = "o", row = 1.5 }': (
-        "expected  a whole number: rows count from 0, and back from -1",
-    ),
+        "expected  a whole number: rows count from 0, and back from -1",),
     "command = ['./solver', '{inputs}']\nread.stress = { text = 'stdout', pattern = '(' }": (
         'found     "(": missing ), unterminated subpattern at position 0',
-        "expected  a regular expression with one group, or one called stress: 'stress = (\\S+)'",
-    ),
+        "expected  a regular expression with one group, or one called stress: 'stress = (\\S+)'"),
     "command = ['./solver', '{inputs}']\nread.stress = { text = 'stdout', pattern = 'a' }": (
-        'found     "a", with no groups',
-    ),
-}
+        'found     "a", with no groups',),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(("model", "messages"), MISTAKES.items(), ids=range(len(MISTAKES)))

@@ -104,19 +104,15 @@ def test_two_dimensions_are_nested_lists_or_rows_in_order(tmp_path):
 
 
 LOST = [
-    (
-        CSV.replace("range(3)", "range(2)"),
-        'column "y" in out.csv has 2 numbers, not 3 along (time)',
-    ),
+    (CSV.replace("range(3)", "range(2)"),
+     'column "y" in out.csv has 2 numbers, not 3 along (time)'),
     (CSV.replace('"t,y', '"t,z'), 'out.csv has no column "y"'),
-    (
-        CSV.replace("{x + t}", "{x if t != 1 else '-'}"),
-        'row 1 of column "y" in out.csv is no number (time = 1 min)',
-    ),
+    (CSV.replace("{x + t}", "{x if t != 1 else '-'}"),
+     'row 1 of column "y" in out.csv is no number (time = 1 min)'),
     (CSV.replace("{x + t}", "{x if t != 1 else 'nan'}"), "y is nan at time = 1 min"),
     (CSV.replace("{t},{x + t}", "{t}"), 'there is no row 0 of column "y" in out.csv (time = 0'),
     ("", "wrote no out.csv"),
-]
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("body", "reason"), LOST)

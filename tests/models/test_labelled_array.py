@@ -50,18 +50,14 @@ def test_each_dimension_is_put_in_order_by_itself():
     [
         (curve([0, 2, 3]), "y is not there at time = 1 ms: its own coordinates have time = 2 ms"),
         (curve([0, 1, np.nan]), "y is not there at time = 3 ms: its own coordinates have"),
-        (
-            curve([0.0, 1e-3, 3e-3]),
-            "y is not there at time = 1 ms: its own coordinates have time = 0.001 ms",
-        ),
-        (
-            curve([0, 1, 3], units="m"),
-            'returned a "y" whose time is refused: found the unit m; expected one that converts to',
-        ),
+        (curve([0.0, 1e-3, 3e-3]),
+         "y is not there at time = 1 ms: its own coordinates have time = 0.001 ms"),
+        (curve([0, 1, 3], units="m"),
+         'returned a "y" whose time is refused: found the unit m; expected one that converts to'),
         (curve([0, 1, 3], units="bogus"), 'returned a "y" whose time is refused: found "bogus"'),
         (curve([0, 1, 3])[:2], r'returned a "y" of shape \(2,\), not \(3,\) along \(time\)'),
     ],
-)
+)  # fmt: skip
 def test_other_coordinates_are_refused_with_the_place(array, reason):
     with pytest.raises(UnusableOutputError, match=reason):
         found(CURVE, array)

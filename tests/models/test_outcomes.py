@@ -122,36 +122,23 @@ def test_an_unknown_outcome_in_an_event_is_told_with_those_known(column):
     [
         ("unstable = { exit = 0 }", ".unstable.exit: 0; an exit code from 1 to 255"),
         ("unstable = { exit = true }", ".unstable.exit: true; an exit code from 1 to 255"),
-        (
-            "unstable = { text = '' }",
-            '.unstable.text: ""; a text in a line that the program prints',
-        ),
-        (
-            "unstable = { exit = 7, text = 'a' }",
-            '.unstable: exit and text; how it is known, { exit = 7 } or { text = "UNSTABLE" }',
-        ),
-        (
-            "unstable = 7",
-            '.unstable: 7; how it is known, { exit = 7 } or { text = "UNSTABLE" }',
-        ),
+        ("unstable = { text = '' }",
+         '.unstable.text: ""; a text in a line that the program prints'),
+        ("unstable = { exit = 7, text = 'a' }",
+         '.unstable: exit and text; how it is known, { exit = 7 } or { text = "UNSTABLE" }'),
+        ("unstable = 7", '.unstable: 7; how it is known, { exit = 7 } or { text = "UNSTABLE" }'),
         ("unstable = { exit = 7, code = 8 }", ".unstable.code: an unknown key; known: exit, text"),
-        (
-            "completed = { exit = 7 }",
-            '.completed: "completed"; another name: it has all other runs',
-        ),
+        ("completed = { exit = 7 }",
+         '.completed: "completed"; another name: it has all other runs'),
         ('unstable = { exit = "7" }', '.unstable.exit: "7"; an exit code from 1 to 255'),
         ("stress = { exit = 7 }", '.stress: "stress"; another name: an output has it'),
         ("not = { exit = 7 }", '.not: "not"; another name: it joins the limits of an event'),
-        (
-            "a = { exit = 7 }\nb = { exit = 7 }",
-            '.b: the ending of a; an ending of its own: all these runs have the outcome "a"',
-        ),
-        (
-            'a = { exception = "ValueError" }',
-            '.a: exception; how it is known, { exit = 7 } or { text = "UNSTABLE" }',
-        ),
+        ("a = { exit = 7 }\nb = { exit = 7 }",
+         '.b: the ending of a; an ending of its own: all these runs have the outcome "a"'),
+        ('a = { exception = "ValueError" }',
+         '.a: exception; how it is known, { exit = 7 } or { text = "UNSTABLE" }'),
     ],
-)
+)  # fmt: skip
 def test_mistakes_are_told(table, expected, column):
     with pytest.raises(uqpen.StudyError) as error:
         column(f"[model.outcomes]\n{table}")

@@ -194,24 +194,19 @@ ANSWERS = {
     "silence": (b"", LOST),
     "half": (b"HTTP/1.1 200 OK\r\nContent-Length: 50\r\n\r\n{", LOST),
     "error": (http('{"error": {"type": "Broken", "message": "at\\n x"}}'), "Broken: at x"),
-    "places": (
-        http('{"error": {"type": "A", "message": "http://host:1/b, <M at 0x7f12>"}}'),
-        "A: … <M at …>",
-    ),
-    "bare error": (
-        http('{"error": "out of order"}'),
-        "the server answers with an error: out of order",
-    ),
+    "places": (http('{"error": {"type": "A", "message": "http://host:1/b, <M at 0x7f12>"}}'),
+               "A: … <M at …>"),
+    "bare error": (http('{"error": "out of order"}'),
+                   "the server answers with an error: out of order"),
     "chunk of negative size": (
         b"HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\n-5\r\nhello\r\n0\r\n\r\n",
-        "the server's answer is not HTTP",
-    ),
+        "the server's answer is not HTTP"),
     "chunk without an end": (
         b"HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\n-1\r\nhello\r\n0\r\n\r\n",
         LOST,
     ),
     "long": (http(f'{{"error": {{"message": "{500 * "m"}"}}}}'), f"error: {192 * 'm'}…"),
-}
+}  # fmt: skip
 
 HEAD = b"HTTP/1.1 200 OK\r\n"
 RUN = b'{"output": [[1], [2]]}'
@@ -342,35 +337,19 @@ def also(line):
 MISTAKES = [
     ([(NAME, 'name = "summ"')], "4  model.name", '"summ"', MODEL),
     ([(NAME, "")], "2  model.name", "nothing", "a model of this server; known: sum, idle"),
-    (
-        [(NAME, 'name = "idle"')],
-        "3  model.umbridge",
-        '"idle", which does not support Evaluate',
-        "a model that can run",
-    ),
-    (
-        [('c = "degC"\n', ""), ('c = "20 degC"\n', "")],
-        "5  model.inputs",
-        "2 inputs",
-        'as many as "sum" takes numbers: 3 (2 + 1)',
-    ),
-    (
-        [('z = "mm"\n', 'z = "mm"\nw = "1"\n')],
-        "9  model.outputs",
-        "3 outputs",
-        'as many as "sum" gives numbers: 2 (1 + 1)',
-    ),
+    ([(NAME, 'name = "idle"')], "3  model.umbridge", '"idle", which does not support Evaluate',
+     "a model that can run"),
+    ([('c = "degC"\n', ""), ('c = "20 degC"\n', "")], "5  model.inputs", "2 inputs",
+     'as many as "sum" takes numbers: 3 (2 + 1)'),
+    ([('z = "mm"\n', 'z = "mm"\nw = "1"\n')], "9  model.outputs", "3 outputs",
+     'as many as "sum" gives numbers: 2 (1 + 1)'),
     (also("time_limit = 10"), LIMIT, '"10", a number without a unit', 'a time, such as "10 s"'),
     (also('time_limit = "0 s"'), LIMIT, '"0 s"', 'a time such as "10 s" or "5 min"'),
     (also("config = { at = 2020-01-01 }"), "5  model.config.at", "2020-01-01", VALUE),
     (also("config = { at = { in = [1, inf] } }"), "5  model.config.at", "inf", VALUE),
-    (
-        also('nmae = "sum"'),
-        "5  model.nmae",
-        "an unknown key",
-        f'did you mean "name"? known: {KEYS}',
-    ),
-]
+    (also('nmae = "sum"'), "5  model.nmae", "an unknown key",
+     f'did you mean "name"? known: {KEYS}'),
+]  # fmt: skip
 
 
 class TestMistakes:
@@ -414,29 +393,18 @@ class TestMistakes:
     @pytest.mark.parametrize(
         ("answers", "found", "expected"),
         [
-            (
-                [http('{"protocolVersion": 2.0, "models": ["sum"]}')],
-                "a server of protocol version 2.0",
-                "version 1.0",
-            ),
+            ([http('{"protocolVersion": 2.0, "models": ["sum"]}')],
+             "a server of protocol version 2.0", "version 1.0"),
             ([http("{}")], "a server of protocol version None", "version 1.0"),
-            (
-                [http('{"protocolVersion": 1.0}')],
-                "nothing",
-                "a model of this server; none is known",
-            ),
-            (
-                [http("<html>")],
-                '"{}": the server\'s answer is no JSON object',
-                "a UM-Bridge server that responds",
-            ),
-            (
-                [*BEFORE[:2], http('{"inputSizes": [-1, 4]}')],
-                '"{}": the server\'s answer to InputSizes is no list of whole numbers',
-                "a UM-Bridge server that responds",
-            ),
+            ([http('{"protocolVersion": 1.0}')], "nothing",
+             "a model of this server; none is known"),
+            ([http("<html>")], '"{}": the server\'s answer is no JSON object',
+             "a UM-Bridge server that responds"),
+            ([*BEFORE[:2], http('{"inputSizes": [-1, 4]}')],
+             '"{}": the server\'s answer to InputSizes is no list of whole numbers',
+             "a UM-Bridge server that responds"),
         ],
-    )
+    )  # fmt: skip
     def test_with_a_server(self, answers, found, expected):
         with answering(*answers) as address:
             problem = refused(address, "")

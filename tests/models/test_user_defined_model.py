@@ -227,10 +227,8 @@ def test_a_condition_that_raises_names_the_class_and_the_method(folder):
         ({"inputs": (Input("x", "mm"),)}, "Own, which has Input('x', 'mm')"),
         ({"outputs": ()}, "Own, which has no outputs"),
         ({"name": None}, "Own, which has no name"),
-        (
-            {"outputs": (Output("y", "m", display_unit="kg"),)},
-            "Own, which has Output('y', 'm') with display_unit='kg'",
-        ),
+        ({"outputs": (Output("y", "m", display_unit="kg"),)},
+         "Own, which has Output('y', 'm') with display_unit='kg'"),
         (
             {"inputs": (Input("x", "m", default="5 mm"),)},  # type: ignore[arg-type]
             "Own, which has Input('x', 'm') with default='5 mm'",
@@ -241,14 +239,10 @@ def test_a_condition_that_raises_names_the_class_and_the_method(folder):
         ),
         ({"enforced_limits": 3}, "Own, which has enforced_limits = 3"),
         ({"alternatives": (("x", "z"),)}, "Own, which has alternatives = (('x', 'z'),)"),
-        (
-            {"outputs": (Output("y", "m", dims=(Dimension("x", "m", values=(1.0,)),)),)},
-            "Own, which has Dimension('x', 'm') with the name of a variable",
-        ),
-        (
-            {"outputs": (Output("y", "m", dims=(Dimension("t", "ms", values=(1.0,)),)),)},
-            "Own, which has Dimension('t', 'ms')",
-        ),
+        ({"outputs": (Output("y", "m", dims=(Dimension("x", "m", values=(1.0,)),)),)},
+         "Own, which has Dimension('x', 'm') with the name of a variable"),
+        ({"outputs": (Output("y", "m", dims=(Dimension("t", "ms", values=(1.0,)),)),)},
+         "Own, which has Dimension('t', 'ms')"),
         (
             {
                 "outputs": tuple(
@@ -259,7 +253,7 @@ def test_a_condition_that_raises_names_the_class_and_the_method(folder):
             "Own, which has Dimension('t', 's') with other coordinates in z",
         ),
     ],
-)
+)  # fmt: skip
 def test_a_mistake_of_an_object_names_the_argument(tmp_path, variables, found):
     own = type("Own", (Raising,), variables)
     with pytest.raises(StudyError, match=r"uqpen\.Study\(model=…\)") as caught:

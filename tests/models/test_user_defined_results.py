@@ -79,18 +79,14 @@ def test_a_wrong_shape_costs_the_runs_that_have_it():
         (None, "returned NoneType, not Results"),
         (Results({}, np.zeros(1, np.int8)), 'returned no "y"'),
         (Results({"y": np.array(["a"])}, np.zeros(1, np.int8)), 'returned a "y" of '),
-        (
-            Results({"y": np.ones(1)}, np.zeros((), np.int8)),
-            "returned a status of shape (), not (1,)",
-        ),
-        (
-            Results({"y": np.ones(1)}, np.full(1, 77, np.int8)),
-            f"returned a status 77, not one of {KNOWN}",
-        ),
+        (Results({"y": np.ones(1)}, np.zeros((), np.int8)),
+         "returned a status of shape (), not (1,)"),
+        (Results({"y": np.ones(1)}, np.full(1, 77, np.int8)),
+         f"returned a status 77, not one of {KNOWN}"),
         (Results({"y": np.ones(1)}, np.zeros(1, np.int8), files=None), "TypeError: "),  # type: ignore[arg-type]
         (Results({"y": np.ones(1)}, np.full(1, 2, np.int8), {0: "two\nlines"}), "two lines"),
     ],
-)
+)  # fmt: skip
 def test_an_answer_of_another_kind_is_the_reason_of_a_failed_run(answer, reason):
     model = answering(lambda inputs: answer, Output("y", "m"))
     results = model.evaluate({"x": np.ones(1)})

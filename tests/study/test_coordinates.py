@@ -109,64 +109,38 @@ class TestMistakes:
     @pytest.mark.parametrize(
         ("time", "message"),
         [
-            (
-                '{ file = "none.csv" }',
-                '.file: found there is no file "{folder}/none.csv"; expected a CSV, NetCDF or '
-                "blank-separated file with a column of coordinates",
-            ),
-            (
-                '{ file = "times.csv" }',
-                '.file: found "times.csv" has the columns time [min], n; expected a CSV,',
-            ),
-            (
-                '{ file = "times.csv", column = 1 }',
-                '.file: found "times.csv" has columns with headings; expected a CSV,',
-            ),
-            (
-                '{ file = "wrong.csv", column = "text" }',
-                '.file: found "wrong.csv", line 2, column "text": found "a", expected a number;',
-            ),
-            (
-                '{ file = "wrong.csv", column = "time" }',
-                '.file: found 1 at position 2 of column "time [min]" of "wrong.csv"; expected '
-                "finite numbers in ascending order",
-            ),
-            (
-                '{ file = "times.dat", column = "n" , unit = "dya" }',
-                '.unit: found "dya", which is not a known unit;',
-            ),
+            ('{ file = "none.csv" }',
+             '.file: found there is no file "{folder}/none.csv"; expected a CSV, NetCDF or '
+             "blank-separated file with a column of coordinates"),
+            ('{ file = "times.csv" }',
+             '.file: found "times.csv" has the columns time [min], n; expected a CSV,'),
+            ('{ file = "times.csv", column = 1 }',
+             '.file: found "times.csv" has columns with headings; expected a CSV,'),
+            ('{ file = "wrong.csv", column = "text" }',
+             '.file: found "wrong.csv", line 2, column "text": found "a", expected a number;'),
+            ('{ file = "wrong.csv", column = "time" }',
+             '.file: found 1 at position 2 of column "time [min]" of "wrong.csv"; expected '
+             "finite numbers in ascending order"),
+            ('{ file = "times.dat", column = "n" , unit = "dya" }',
+             '.unit: found "dya", which is not a known unit;'),
             ('{ file = "times.dat" }', '.file: found "times.dat" has several columns;'),
-            (
-                '{ file = "times.dat", column = 5 }',
-                '.file: found row 0 of column 5 of "times.dat" is no number;',
-            ),
-            (
-                '{ unit = "kg", file = "times.csv", column = "time" }',
-                '.file: found column "time" is in "min"; expected a mass,',
-            ),
-            (
-                '{ from_model = "TIME" }',
-                '.from_model: found "TIME", which is not there; expected coordinates in the '
-                "model's file or module, or a function that returns them",
-            ),
-            (
-                '{ from_model = "WRONG" }',
-                '.from_model: found 1 at position 2 of "WRONG"; expected finite numbers in',
-            ),
-            (
-                '{ from_model = "simulate" }',
-                '.from_model: found "simulate": TypeError: simulate() missing 1 required',
-            ),
-            (
-                '{ from_model = "np" }',
-                '.from_model: found "np": ValueError: module in place of a number;',
-            ),
-            (
-                '{ column = "time" }',
-                ": found column; expected either from, to and size, or values, or file, or",
-            ),
+            ('{ file = "times.dat", column = 5 }',
+             '.file: found row 0 of column 5 of "times.dat" is no number;'),
+            ('{ unit = "kg", file = "times.csv", column = "time" }',
+             '.file: found column "time" is in "min"; expected a mass,'),
+            ('{ from_model = "TIME" }',
+             '.from_model: found "TIME", which is not there; expected coordinates in the '
+             "model's file or module, or a function that returns them"),
+            ('{ from_model = "WRONG" }',
+             '.from_model: found 1 at position 2 of "WRONG"; expected finite numbers in'),
+            ('{ from_model = "simulate" }',
+             '.from_model: found "simulate": TypeError: simulate() missing 1 required'),
+            ('{ from_model = "np" }',
+             '.from_model: found "np": ValueError: module in place of a number;'),
+            ('{ column = "time" }',
+             ": found column; expected either from, to and size, or values, or file, or"),
         ],
-    )
+    )  # fmt: skip
     def test_of_a_source(self, folder, time, message):
         (found,) = problems(folder, time)
         assert found.startswith(f"model.dimensions.time{message.replace('{folder}', str(folder))}")
@@ -200,33 +174,23 @@ class TestGrids:
     @pytest.mark.parametrize(
         ("further", "message"),
         [
-            (
-                ', on = { time = "t" }, interpolation = "spline"',
-                '.interpolation: found "spline"; expected one of "linear", "cubic", "previous", '
-                '"none"',
-            ),
-            (
-                ', interpolation = "cubic"',
-                ".on: found nothing; expected coordinates of the run's own, such as on = { time = "
-                '"t" }',
-            ),
+            (', on = { time = "t" }, interpolation = "spline"',
+             '.interpolation: found "spline"; expected one of "linear", "cubic", "previous", '
+             '"none"'),
+            (', interpolation = "cubic"',
+             ".on: found nothing; expected coordinates of the run's own, such as on = { time = "
+             '"t" }'),
             (', on = { place = "t" }', '.on.place: found "place"; expected a dimension of y: time'),
-            (
-                ', on = { time = "x" }',
-                '.on.time: found "x"; expected the name of a run\'s own coordinates, which no '
-                'input or output has: "t" or "t [s]"',
-            ),
-            (
-                ', on = { time = "t [kg]" }',
-                '.on.time: found "t [kg]"; expected a time, such as "10 s"',
-            ),
-            (
-                ', on = { time = "t [" }',
-                '.on.time: found "t ["; expected the name of a run\'s own coordinates, which no '
-                'input or output has: "t" or "t [s]"',
-            ),
+            (', on = { time = "x" }',
+             '.on.time: found "x"; expected the name of a run\'s own coordinates, which no '
+             'input or output has: "t" or "t [s]"'),
+            (', on = { time = "t [kg]" }',
+             '.on.time: found "t [kg]"; expected a time, such as "10 s"'),
+            (', on = { time = "t [" }',
+             '.on.time: found "t ["; expected the name of a run\'s own coordinates, which no '
+             'input or output has: "t" or "t [s]"'),
         ],
-    )
+    )  # fmt: skip
     def test_a_mistake_is_met(self, folder, further, message):
         assert problems(folder, SOURCES[0], further) == [f"model.outputs.y{message}"]
 

@@ -137,19 +137,13 @@ class TestDependence:
             ('"x2", "x1"', '"x2", "x2"', 12, "pairs[0].inputs", "1 of them", "two inputs"),
             ('"x2", "x1"', '"x2"', 12, "pairs[0].inputs", "1 of them", "two inputs"),
             ("0.6 }", '0.6 }, "x"', 12, "pairs[1]", '"x"', "correlation = 0.6"),
-            (
-                "0.6 }",
-                '0.6 }, { inputs = ["x1", "x2"], correlation = 0.5 }',
-                12,
-                "pairs[1].inputs",
-                "for the second time",
-                "each pair once",
-            ),
+            ("0.6 }", '0.6 }, { inputs = ["x1", "x2"], correlation = 0.5 }', 12, "pairs[1].inputs",
+             "for the second time", "each pair once"),
             (PAIRS, 'of = "ranks"\n', 9, "", "no correlations", "either pairs = ["),
             ("pairs = [", "matrix = [[1]]\npairs = [", 9, "", "both pairs and matrix", "either"),
             ("[dependence]", "[dependence]\nthetta = 2", 10, "thetta", "an unknown key", "known: "),
         ],
-    )
+    )  # fmt: skip
     def test_a_mistake_is_reported_with_its_line(self, old, new, line, key, found, expected):
         report = reported(changed(old, new))
         assert f"study.toml:{line}  dependence{'.' * bool(key)}{key}\n" in report
@@ -176,22 +170,14 @@ class TestDependence:
         ("lines", "key", "found", "expected"),
         [
             ("matrix = [[1, 0.5], [0.5, 1]]", "inputs", "nothing", "the random inputs"),
-            (
-                'inputs = ["x1", "x2", "x3"]\n'
-                "matrix = [[1, 0.9, 0.9], [0.9, 1, -0.9], [0.9, -0.9, 1]]",
-                "matrix",
-                "the smallest eigenvalue -0.8",
-                "positive definite",
-            ),
-            (
-                'pairs = [ { inputs = ["x1", "x2"], correlation = 0.9 },'
-                ' { inputs = ["x1", "x3"], correlation = 0.9 } ]',
-                "pairs",
-                "the smallest eigenvalue -0.2",
-                "positive definite",
-            ),
+            ('inputs = ["x1", "x2", "x3"]\n'
+             "matrix = [[1, 0.9, 0.9], [0.9, 1, -0.9], [0.9, -0.9, 1]]", "matrix",
+             "the smallest eigenvalue -0.8", "positive definite"),
+            ('pairs = [ { inputs = ["x1", "x2"], correlation = 0.9 },'
+             ' { inputs = ["x1", "x3"], correlation = 0.9 } ]', "pairs",
+             "the smallest eigenvalue -0.2", "positive definite"),
         ],
-    )
+    )  # fmt: skip
     def test_correlations_that_cannot_be_joined_are_reported(self, lines, key, found, expected):
         report = reported(with_three(f'of = "normal-scores"\n{lines}\n'))
         assert f"dependence.{key}\n" in report
@@ -274,26 +260,13 @@ class TestRowsMeasuredTogether:
         ("lines", "key", "found", "expected"),
         [
             ('measured = "no.csv"\n', "measured", "there is no file", "a CSV or NetCDF file"),
-            (
-                'measured = "rows.csv"\ncopula = "jo"\n',
-                "copula",
-                '"jo"',
-                'did you mean "joe"?',
-            ),
-            (
-                'measured = "rows.csv"\ninputs = ["x1", "x3"]\n',
-                "inputs[1]",
-                '"x3", an input that is fixed',
-                "a random input",
-            ),
-            (
-                'measured = "rows.csv"\ntheta = 2\n',
-                "theta",
-                "an unknown key",
-                "known: measured, inputs, copula",
-            ),
+            ('measured = "rows.csv"\ncopula = "jo"\n', "copula", '"jo"', 'did you mean "joe"?'),
+            ('measured = "rows.csv"\ninputs = ["x1", "x3"]\n', "inputs[1]",
+             '"x3", an input that is fixed', "a random input"),
+            ('measured = "rows.csv"\ntheta = 2\n', "theta", "an unknown key",
+             "known: measured, inputs, copula"),
         ],
-    )
+    )  # fmt: skip
     def test_a_mistake_is_reported(self, rows, lines, key, found, expected):
         message = reported(self.text(lines), rows)
         assert f"dependence.{key}" in message

@@ -108,79 +108,48 @@ class TestRefused:
     @pytest.mark.parametrize(
         ("table", "expected"),
         [
-            (
-                'of = "infectd"\ntake = "max"',
-                'outputs.found.of: "infectd"; an output of epidemic.py:sir with dimensions; '
-                'did you mean "infected"? known: infected, speed, field',
-            ),
-            (
-                'of = "number"\ntake = "max"',
-                'outputs.found.of: "number"; an output of epidemic.py:sir with dimensions; '
-                "known: infected, speed, field",
-            ),
+            ('of = "infectd"\ntake = "max"',
+             'outputs.found.of: "infectd"; an output of epidemic.py:sir with dimensions; '
+             'did you mean "infected"? known: infected, speed, field'),
+            ('of = "number"\ntake = "max"',
+             'outputs.found.of: "number"; an output of epidemic.py:sir with dimensions; '
+             "known: infected, speed, field"),
             ('of = "infected"', "outputs.found: nothing to take; one of take, at, time_of"),
-            (
-                'of = "infected"\ntake = "max"\ntime_of = "max"',
-                "outputs.found: take and time_of; one of take, at, time_of",
-            ),
+            ('of = "infected"\ntake = "max"\ntime_of = "max"',
+             "outputs.found: take and time_of; one of take, at, time_of"),
             (
                 'of = "infected"\ntake = "maximum"',
                 'outputs.found.take: "maximum"; something to take; did you mean "max"? known: '
                 "max, min, mean, integral, first, last, idxmax, idxmin, idxlast, first_above, "
                 "first_below, total_variation",
             ),
-            (
-                'of = "infected"\ntim_of = "max"',
-                "outputs.found.tim_of: an unknown dimension; "
-                'did you mean "time_of"? known: time_of',
-            ),
-            (
-                'of = "infected"\ntime_of = "least"',
-                'outputs.found.time_of: "least"; one of max, min, last',
-            ),
-            (
-                'of = "infected"\ntime_of = ["max"]',
-                "outputs.found.time_of: a list; one of max, min, last",
-            ),
-            (
-                'of = ["infected"]\ntake = "max"',
-                "outputs.found.of: a list; the name of an output with dimensions",
-            ),
-            (
-                'of = "infected"\ntake = "first_above"',
-                'outputs.found.threshold: nothing; a plain number, such as "0.5"',
-            ),
-            (
-                'of = "infected"\ntake = "first_above"\nthreshold = "3 m"',
-                'outputs.found.threshold: "3 m"; a plain number, such as "0.5"',
-            ),
-            (
-                'of = "infected"\nat = { time = "200 day" }',
-                "outputs.found.at: time = 200 day; a coordinate from 0 day to 160 day",
-            ),
+            ('of = "infected"\ntim_of = "max"', "outputs.found.tim_of: an unknown dimension; "
+             'did you mean "time_of"? known: time_of'),
+            ('of = "infected"\ntime_of = "least"',
+             'outputs.found.time_of: "least"; one of max, min, last'),
+            ('of = "infected"\ntime_of = ["max"]',
+             "outputs.found.time_of: a list; one of max, min, last"),
+            ('of = ["infected"]\ntake = "max"',
+             "outputs.found.of: a list; the name of an output with dimensions"),
+            ('of = "infected"\ntake = "first_above"',
+             'outputs.found.threshold: nothing; a plain number, such as "0.5"'),
+            ('of = "infected"\ntake = "first_above"\nthreshold = "3 m"',
+             'outputs.found.threshold: "3 m"; a plain number, such as "0.5"'),
+            ('of = "infected"\nat = { time = "200 day" }',
+             "outputs.found.at: time = 200 day; a coordinate from 0 day to 160 day"),
             ('of = "field"\nat = { x = 0.5 }', "outputs.found.at: no y; a coordinate from 0 to 2"),
-            (
-                'of = "infected"\nat = { depth = "1 m", time = "1 day" }',
-                "outputs.found.at.depth: an unknown dimension; known: time",
-            ),
-            (
-                'of = "infected"\nat = "10 day"',
-                'outputs.found.at: "10 day"; a table of coordinates, such as { time = "10 day" }',
-            ),
-            (
-                'of = "field"\ntake = "total_variation"',
-                "outputs.found.take: field has 2 dimensions; a curve, along one dimension",
-            ),
-            (
-                'of = "field"\nx_of = "max"',
-                "outputs.found.x_of: field has 2 dimensions; a curve, along one dimension",
-            ),
-            (
-                'of = "speed"\ntake = "total_variation"\nunit = "degC"',
-                'outputs.found.unit: "degC"; a unit such as "K", as it is a difference',
-            ),
+            ('of = "infected"\nat = { depth = "1 m", time = "1 day" }',
+             "outputs.found.at.depth: an unknown dimension; known: time"),
+            ('of = "infected"\nat = "10 day"',
+             'outputs.found.at: "10 day"; a table of coordinates, such as { time = "10 day" }'),
+            ('of = "field"\ntake = "total_variation"',
+             "outputs.found.take: field has 2 dimensions; a curve, along one dimension"),
+            ('of = "field"\nx_of = "max"',
+             "outputs.found.x_of: field has 2 dimensions; a curve, along one dimension"),
+            ('of = "speed"\ntake = "total_variation"\nunit = "degC"',
+             'outputs.found.unit: "degC"; a unit such as "K", as it is a difference'),
         ],
-    )
+    )  # fmt: skip
     def test_with_a_message(self, table, expected, folder):
         assert refused(f"[outputs.found]\n{table}\n", folder) == [expected]
 
@@ -190,17 +159,12 @@ class TestRefused:
             ('exceeds = ["5 degC"]', "outputs.ups.exceeds[0]"),
             ('below = { "5 degC" = { at_most = 0.1 } }', "outputs.ups.below.5 degC"),
             ('[joint_probabilities]\nall = ["ups > 5 degC"]', "joint_probabilities.all[0]"),
-            (
-                '[published.a]\nsource = "b"\n[published.a.ups]\nmean = "5 degC"',
-                "published.a.ups.mean",
-            ),
-            (
-                '[designs.it]\nkind = "monte-carlo"\naccept = "P(ups > 5 degC) < 0.1"\n'
-                "at_most = 50",
-                "designs.it.accept",
-            ),
+            ('[published.a]\nsource = "b"\n[published.a.ups]\nmean = "5 degC"',
+             "published.a.ups.mean"),
+            ('[designs.it]\nkind = "monte-carlo"\naccept = "P(ups > 5 degC) < 0.1"\n'
+             "at_most = 50", "designs.it.accept"),
         ],
-    )
+    )  # fmt: skip
     def test_a_difference_in_a_unit_with_a_zero(self, asked, where, folder):
         text = f'[outputs.ups]\nof = "speed"\ntake = "total_variation"\n{asked}\n'
         expected = '"5 degC", in a unit with a zero of its own; a difference, such as "1 K"'
@@ -394,33 +358,23 @@ class TestFormulas:
     @pytest.mark.parametrize(
         ("table", "expected"),
         [
-            (
-                'formula = "strength - delay"',
-                '.formula: "strength - delay", which compares Pa with s; sides of the same '
-                "dimension",
-            ),
-            (
-                'formula = "log10(delay)"',
-                '.formula: "log10(delay)", of a value in s; a plain number in it, such as '
-                "log10(delay / '1 s')",
-            ),
-            (
-                'formula = "sqrt(load)"',
-                '.formula: "sqrt(load)", of a value in N; a unit that has a square root, '
-                "such as m2",
-            ),
-            (
-                'formula = "stength"',
-                '.formula: "stength"; an output or input of plate.py:plate that is a number; '
-                'did you mean "strength"? known: load, area, strength, delay, heat',
-            ),
+            ('formula = "strength - delay"',
+             '.formula: "strength - delay", which compares Pa with s; sides of the same '
+             "dimension"),
+            ('formula = "log10(delay)"',
+             '.formula: "log10(delay)", of a value in s; a plain number in it, such as '
+             "log10(delay / '1 s')"),
+            ('formula = "sqrt(load)"',
+             '.formula: "sqrt(load)", of a value in N; a unit that has a square root, '
+             "such as m2"),
+            ('formula = "stength"',
+             '.formula: "stength"; an output or input of plate.py:plate that is a number; '
+             'did you mean "strength"? known: load, area, strength, delay, heat'),
             ('formula = "load"\nof = "strength"', ": of and formula; one of them"),
-            (
-                'formula = "heat - heat"\nunit = "degC"',
-                '.unit: "degC"; a unit such as "K", as it is a difference',
-            ),
+            ('formula = "heat - heat"\nunit = "degC"',
+             '.unit: "degC"; a unit such as "K", as it is a difference'),
         ],
-    )
+    )  # fmt: skip
     def test_refused_with_a_message(self, table, expected, plate):
         with pytest.raises(uqpen.StudyError) as error:
             plate(f"[outputs.margin]\n{table}\n")

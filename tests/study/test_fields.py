@@ -110,58 +110,36 @@ class TestMistakes:
     @pytest.mark.parametrize(
         ("along", "message"),
         [
-            (
-                'run = { unit = "1", values = [1] }',
-                '.run: found "run"; expected a name that archives do not use themselves',
-            ),
-            (
-                'rate = { unit = "1", values = [1] }',
-                '.rate: found a dimension with the name of the variable "rate"; expected names '
-                "that differ",
-            ),
-            (
-                "time = { values = [1, 3, 2] }",
-                ".time.values[2]: found 2; expected finite numbers in ascending order",
-            ),
-            (
-                'time = { values = [1, "a"] }',
-                ".time.values: found a list; expected a list of numbers",
-            ),
-            (
-                "time = { from = 0, to = 1 }",
-                ".time: found from and to; expected either from, to and size, or values, or file, "
-                "or from_model",
-            ),
-            (
-                "time = {}",
-                ".time: found no coordinates; expected either from, to and size, or values, or "
-                "file, or from_model",
-            ),
-            (
-                "time = { from = 1, to = 0, size = 3 }",
-                ".time.to: found 0; expected a number above 1",
-            ),
-            (
-                "time = { from = 0, to = 1, size = 1 }",
-                ".time.size: found 1; expected a whole number, at least 2 and at most 1_000_000",
-            ),
-            (
-                'time = { unit = "dya", values = [1] }',
-                '.time.unit: found "dya", which is not a known unit; expected a unit such as '
-                '"g/cm^3", with whole powers',
-            ),
-            (
-                "time = { values = [1], step = 2 }",
-                ".time.step: found an unknown key; expected known: unit, from, to, size, values, "
-                "file, column, from_model, long_name",
-            ),
+            ('run = { unit = "1", values = [1] }',
+             '.run: found "run"; expected a name that archives do not use themselves'),
+            ('rate = { unit = "1", values = [1] }',
+             '.rate: found a dimension with the name of the variable "rate"; expected names '
+             "that differ"),
+            ("time = { values = [1, 3, 2] }",
+             ".time.values[2]: found 2; expected finite numbers in ascending order"),
+            ('time = { values = [1, "a"] }',
+             ".time.values: found a list; expected a list of numbers"),
+            ("time = { from = 0, to = 1 }",
+             ".time: found from and to; expected either from, to and size, or values, or file, "
+             "or from_model"),
+            ("time = {}",
+             ".time: found no coordinates; expected either from, to and size, or values, or "
+             "file, or from_model"),
+            ("time = { from = 1, to = 0, size = 3 }",
+             ".time.to: found 0; expected a number above 1"),
+            ("time = { from = 0, to = 1, size = 1 }",
+             ".time.size: found 1; expected a whole number, at least 2 and at most 1_000_000"),
+            ('time = { unit = "dya", values = [1] }',
+             '.time.unit: found "dya", which is not a known unit; expected a unit such as '
+             '"g/cm^3", with whole powers'),
+            ("time = { values = [1], step = 2 }",
+             ".time.step: found an unknown key; expected known: unit, from, to, size, values, "
+             "file, column, from_model, long_name"),
             ("", ": found an empty table; expected a dimension, such as time"),
-            (
-                "a = { from = 0, to = 1, size = 10_000 }, b = { from = 0, to = 1, size = 1_001 }",
-                ": found 10_010_000 values; expected at most 10_000_000 in one run",
-            ),
+            ("a = { from = 0, to = 1, size = 10_000 }, b = { from = 0, to = 1, size = 1_001 }",
+             ": found 10_010_000 values; expected at most 10_000_000 in one run"),
         ],
-    )
+    )  # fmt: skip
     def test_in_a_dimension(self, folder, along, message):
         found = problems(changed(TIME, along), folder)
         assert f"model.outputs.infected.along{message}" in found

@@ -15,22 +15,13 @@ COUNTS = np.arange(60)
 # For each kind: the inputs, the model, a limit; exactly the mean, the variance, P(y > limit) and
 # the first-order index of a.
 KINDS = {
-    "whole numbers": (
-        {"a": "{ poisson = { mean = 3 } }", "b": "10 ± 1"},
-        "a + b",
-        (15.0, 13.0, 4.0, poisson.pmf(COUNTS, 3) @ norm.sf(15 - COUNTS, 10), 0.75),
-    ),
-    "derived": (
-        {"a": "1 ± 0.1", "b": "10 ± 0.1", "c": "2 * a"},
-        "c + b",
-        (12.2, 12.0, 0.05, norm.sf(0.2 / 0.05**0.5), 0.8),
-    ),
-    "conditional": (
-        {"a": "10 ± 1", "b": '{ normal = { mean = "0.1 * a", std = "0.02 * a" } }'},
-        "a + b",
-        (12.0, 11.0, 1.2504, None, 1.21 / 1.2504),
-    ),
-}
+    "whole numbers": ({"a": "{ poisson = { mean = 3 } }", "b": "10 ± 1"}, "a + b",
+                      (15.0, 13.0, 4.0, poisson.pmf(COUNTS, 3) @ norm.sf(15 - COUNTS, 10), 0.75)),
+    "derived": ({"a": "1 ± 0.1", "b": "10 ± 0.1", "c": "2 * a"}, "c + b",
+                (12.2, 12.0, 0.05, norm.sf(0.2 / 0.05**0.5), 0.8)),
+    "conditional": ({"a": "10 ± 1", "b": '{ normal = { mean = "0.1 * a", std = "0.02 * a" } }'},
+                    "a + b", (12.0, 11.0, 1.2504, None, 1.21 / 1.2504)),
+}  # fmt: skip
 # P(a + b > 12) of conditional parameters, by the trapezoidal rule over a, which is exact here.
 A = np.linspace(2, 18, 801)
 P_CONDITIONAL = 0.02 * (norm.pdf(A, 10, 1) @ norm.sf(12 - A, 0.1 * A, 0.02 * A))

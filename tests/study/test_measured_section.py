@@ -22,111 +22,59 @@ TABLE = "x = [0, 1, 2, 3]\ny = [1.1, 2.9, 5.2, 6.8]"
     ("old", "new", "message"),
     [
         ('unknown = ["a", "b"]', 'unknown = ["a"]', "found nothing of b; expected each among cond"),
-        (
-            'unknown = ["a", "b"]',
-            'unknown = ["a", "b"]\nfixed = ["a"]',
-            "line.fixed: found a, which is among unknown, too",
-        ),
-        (
-            'unknown = ["a", "b"]',
-            'unknown = ["a", "c"]',
-            'line.unknown: found "c"; expected an input of',
-        ),
-        (
-            'unknown = ["a", "b"]',
-            'unknown = ["a"]\nconditions = ["b"]',
-            'found no column "b" in its file',
-        ),
+        ('unknown = ["a", "b"]', 'unknown = ["a", "b"]\nfixed = ["a"]',
+         "line.fixed: found a, which is among unknown, too"),
+        ('unknown = ["a", "b"]', 'unknown = ["a", "c"]',
+         'line.unknown: found "c"; expected an input of'),
+        ('unknown = ["a", "b"]', 'unknown = ["a"]\nconditions = ["b"]',
+         'found no column "b" in its file'),
         ('correlation = "none"', "", "y.correlation: found nothing; expected { x ="),
-        (
-            'correlation = "none"',
-            "correlation = { t = 3 }",
-            "correlation: found a table; expected { x =",
-        ),
+        ('correlation = "none"', "correlation = { t = 3 }",
+         "correlation: found a table; expected { x ="),
         ("std = 0.2", "", "y.std: found nothing; expected the standard deviation of an error"),
         ("std = 0.2", "std = 0", "y.std: found 0; expected a standard deviation above 0"),
         ("std = 0.2", 'std = "sdd"', 'y.std: found "sdd"; expected the standard deviation'),
-        (
-            "std = 0.2",
-            'std = "repeats"',
-            'y.std: found "repeats" with 0 repeats; expected at least 5',
-        ),
-        (
-            f"{TABLE}\n[measured.line.y]\nstd = 0.2",
-            'x = [0, 0, 1, 1]\ny = [1, 2, 3, 4]\n[measured.line.y]\nstd = "repeats"',
-            'y.std: found "repeats" with 2 repeats; expected at least 5',
-        ),
+        ("std = 0.2", 'std = "repeats"',
+         'y.std: found "repeats" with 0 repeats; expected at least 5'),
+        (f"{TABLE}\n[measured.line.y]\nstd = 0.2",
+         'x = [0, 0, 1, 1]\ny = [1, 2, 3, 4]\n[measured.line.y]\nstd = "repeats"',
+         'y.std: found "repeats" with 2 repeats; expected at least 5'),
         (f"[measured.line.table]\n{TABLE}", "file = 3", "line.file: found 3; expected the name of"),
-        (
-            f"[measured.line.table]\n{TABLE}",
-            'experiment = "rig"\ntable = { x = [0], y = [1] }',
-            'line.experiment: found "rig"; expected a column',
-        ),
-        (
-            "std = 0.2",
-            'std = 0.2\nat_least = "x"',
-            'y.at_least: found "x"; expected a column of 0 and 1',
-        ),
-        (
-            "std = 0.2",
-            'std = 0.2\nshared = { std = 1, group = "rg" }',
-            'shared.group: found "rg"; expected a column',
-        ),
+        (f"[measured.line.table]\n{TABLE}", 'experiment = "rig"\ntable = { x = [0], y = [1] }',
+         'line.experiment: found "rig"; expected a column'),
+        ("std = 0.2", 'std = 0.2\nat_least = "x"',
+         'y.at_least: found "x"; expected a column of 0 and 1'),
+        ("std = 0.2", 'std = 0.2\nshared = { std = 1, group = "rg" }',
+         'shared.group: found "rg"; expected a column'),
         ("std = 0.2", 'covariance = "none.csv"', "y.covariance: found there is no file"),
         ("std = 0.2", "std = 0.2\nstdd = 3", "y.stdd: found an unknown key"),
-        (
-            "std = 0.2",
-            'std = 0.2\ndiscrepancy = { along = "z" }',
-            'discrepancy.along: found "z"; expected a condition or a dimension of y: x',
-        ),
-        (
-            "std = 0.2",
-            'std = 0.2\ndiscrepancy = { along = "x" }',
-            "discrepancy.length: found nothing; expected the length over which it changes",
-        ),
-        (
-            "std = 0.2",
-            'std = 0.2\ndiscrepancy = { along = "x", std = 1, length = { half-normal = 1 } }',
-            "discrepancy.std: found 1; expected its standard deviation, known up to a prior",
-        ),
+        ("std = 0.2", 'std = 0.2\ndiscrepancy = { along = "z" }',
+         'discrepancy.along: found "z"; expected a condition or a dimension of y: x'),
+        ("std = 0.2", 'std = 0.2\ndiscrepancy = { along = "x" }',
+         "discrepancy.length: found nothing; expected the length over which it changes"),
+        ("std = 0.2",
+         'std = 0.2\ndiscrepancy = { along = "x", std = 1, length = { half-normal = 1 } }',
+         "discrepancy.std: found 1; expected its standard deviation, known up to a prior"),
         (
             "std = 0.2",
             'std = 0.2\ndiscrepancy = { along = "x", std = { half-normal = 1, mean = 2 }, '
             "length = { half-normal = 1 } }",
             "discrepancy.std: found a table; expected its standard deviation, known up to a prior",
         ),
-        (
-            "std = 0.2",
-            'std = 0.2\ndiscrepancy = { along = "x", std = { half-normal = 1 }, '
-            "length = { half-normal = 1 } }",
-            "fit.measured: found a discrepancy, which takes up whatever the unknowns do not",
-        ),
-        (
-            "x = [0, 1, 2, 3]",
-            "x = [0, 1, 2, 7]",
-            "found x 7 1 in row 4; expected places from 0 to 5",
-        ),
+        ("std = 0.2", 'std = 0.2\ndiscrepancy = { along = "x", std = { half-normal = 1 }, '
+         "length = { half-normal = 1 } }",
+         "fit.measured: found a discrepancy, which takes up whatever the unknowns do not"),
+        ("x = [0, 1, 2, 3]", "x = [0, 1, 2, 7]",
+         "found x 7 1 in row 4; expected places from 0 to 5"),
         ("x = [0, 1, 2, 3]", "x = [0, 1, 2]", "line.table: found its columns differ in length"),
-        (
-            "[measured.line.y]",
-            "[measured.line.z]",
-            "line.z: found an unknown key, nor an output of the model",
-        ),
-        (
-            'unknown = ["a", "b"]',
-            'unknown = ["a", "b"]\nhold_out = [2, 5]',
-            "measured.line.hold_out[1]: found 5; expected the number of a row, 1 to 4; or a label",
-        ),
-        (
-            'unknown = ["a", "b"]',
-            'unknown = ["a", "b"]\nexperiment = "x"\nhold_out = [7]',
-            'line.hold_out[0]: found 7; expected an entry of column "x"',
-        ),
-        (
-            'unknown = ["a", "b"]',
-            'unknown = ["a", "b"]\nhold_out = [1, 2, 3, 4]',
-            "line.hold_out: found all values of y; expected at least one that a fit learns from",
-        ),
+        ("[measured.line.y]", "[measured.line.z]",
+         "line.z: found an unknown key, nor an output of the model"),
+        ('unknown = ["a", "b"]', 'unknown = ["a", "b"]\nhold_out = [2, 5]',
+         "measured.line.hold_out[1]: found 5; expected the number of a row, 1 to 4; or a label"),
+        ('unknown = ["a", "b"]', 'unknown = ["a", "b"]\nexperiment = "x"\nhold_out = [7]',
+         'line.hold_out[0]: found 7; expected an entry of column "x"'),
+        ('unknown = ["a", "b"]', 'unknown = ["a", "b"]\nhold_out = [1, 2, 3, 4]',
+         "line.hold_out: found all values of y; expected at least one that a fit learns from"),
         (
             f'unknown = ["a", "b"]\n[measured.line.table]\n{TABLE}',
             'unknown = ["a", "b"]\nhold_out = [2]\n[measured.line.table]\n'
@@ -140,35 +88,20 @@ TABLE = "x = [0, 1, 2, 3]\ny = [1.1, 2.9, 5.2, 6.8]"
             "line.hold_out: found rows whose errors of y depend on those of rows that are left; "
             "expected all rows that share an error, or none of them",
         ),
-        (
-            'unknown = ["a", "b"]',
-            'unknown = ["a"]\nvaries = ["b"]\nhold_out = [2]',
-            "line.hold_out: found a part of an experiment, which has an input with a value of its "
-            "own; expected whole experiments",
-        ),
-        (
-            'unknown = ["a", "b"]',
-            'unknown = ["a", "b"]\nhold_out = [2]',
-            "fit.measured: found rows that are held out, which a posterior alone is compared with; "
-            'expected kind = "posterior"; or two sections of measurements',
-        ),
-        (
-            'measured = ["line"]',
-            'measured = ["lime"]',
-            'fit.measured: found "lime"; expected a [measured.<name>]',
-        ),
-        (
-            'kind = "least-squares"\nmeasured = ["line"]',
-            'kind = "saltelli"\nbase = 64\nat = "line"',
-            "fit.at: found runs at experiments of a design that is no sample",
-        ),
-        (
-            'measured = ["line"]',
-            'measured = ["line"]\nrepeats = 2',
-            "fit.repeats: found repeats of runs at experiments",
-        ),
+        ('unknown = ["a", "b"]', 'unknown = ["a"]\nvaries = ["b"]\nhold_out = [2]',
+         "line.hold_out: found a part of an experiment, which has an input with a value of its "
+         "own; expected whole experiments"),
+        ('unknown = ["a", "b"]', 'unknown = ["a", "b"]\nhold_out = [2]',
+         "fit.measured: found rows that are held out, which a posterior alone is compared with; "
+         'expected kind = "posterior"; or two sections of measurements'),
+        ('measured = ["line"]', 'measured = ["lime"]',
+         'fit.measured: found "lime"; expected a [measured.<name>]'),
+        ('kind = "least-squares"\nmeasured = ["line"]', 'kind = "saltelli"\nbase = 64\nat = "line"',
+         "fit.at: found runs at experiments of a design that is no sample"),
+        ('measured = ["line"]', 'measured = ["line"]\nrepeats = 2',
+         "fit.repeats: found repeats of runs at experiments"),
     ],
-)
+)  # fmt: skip
 def test_a_mistake_is_told_before_any_run(tmp_path, old, new, message):
     assert old in LINE
     assert any(message in each for each in refused(tmp_path, LINE.replace(old, new)))

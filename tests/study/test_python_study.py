@@ -235,21 +235,15 @@ class TestMistakes:
     @pytest.mark.parametrize(
         ("make", "reported"),
         [
-            (
-                lambda: uqpen.Normal("2 m", "1 kg"),
-                'std: found "1 kg"; expected .* to "m", the unit of mean',
-            ),
-            (
-                lambda: uqpen.Uniform("2 m", "3"),
-                'upper: found "3"; expected .* to "m", the unit of lower',
-            ),
-            (
-                lambda: uqpen.Discrete(["1 m", "20 cm", "3 s"]),
-                'values: found "3 s"; expected .* to "m"',
-            ),
+            (lambda: uqpen.Normal("2 m", "1 kg"),
+             'std: found "1 kg"; expected .* to "m", the unit of mean'),
+            (lambda: uqpen.Uniform("2 m", "3"),
+             'upper: found "3"; expected .* to "m", the unit of lower'),
+            (lambda: uqpen.Discrete(["1 m", "20 cm", "3 s"]),
+             'values: found "3 s"; expected .* to "m"'),
         ],
         ids=["normal", "uniform", "discrete"],
-    )
+    )  # fmt: skip
     def test_units_that_do_not_agree_are_refused_where_they_are_written(self, make, reported):
         with pytest.raises(uqpen.UqpenError, match=reported):
             make()

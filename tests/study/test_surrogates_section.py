@@ -85,30 +85,20 @@ def test_what_is_not_given_has_a_default():
                 'did you mean "training"? known: training, fresh, nodes',
             ],
         ),
-        (
-            'design = "training"\ncheck = "frsh"',
-            ['surrogates.pce.check found "frsh"', 'did you mean "fresh"?'],
-        ),
-        (
-            'design = "training"\ncheck = "training"',
-            ["surrogates.pce.check found the design that it is fitted to"],
-        ),
-        (
-            'design = "training"\ncheck = "nodes"',
-            ['found "nodes", which makes the nodes of an integration rule'],
-        ),
+        ('design = "training"\ncheck = "frsh"',
+         ['surrogates.pce.check found "frsh"', 'did you mean "fresh"?']),
+        ('design = "training"\ncheck = "training"',
+         ["surrogates.pce.check found the design that it is fitted to"]),
+        ('design = "training"\ncheck = "nodes"',
+         ['found "nodes", which makes the nodes of an integration rule']),
         ('design = "training"\norder = 0', ["found 0 expected a whole number, at least 1 and at"]),
         ('design = "training"\norder = 51', ["at least 1 and at most 50"]),
         ('design = "training"\ntruncation = 1.5', ["a number above 0 and at most 1"]),
         ('design = "training"\ntruncation = 0', ["a number above 0 and at most 1"]),
-        (
-            'design = "training"\nmethod = "lars"',
-            ['one of "sparse", "least-squares", "projection"'],
-        ),
-        (
-            'design = "training"\nmethod = "projection"',
-            ['found "training", which makes a sample expected a design of kind quadrature'],
-        ),
+        ('design = "training"\nmethod = "lars"',
+         ['one of "sparse", "least-squares", "projection"']),
+        ('design = "training"\nmethod = "projection"',
+         ['found "training", which makes a sample expected a design of kind quadrature']),
         (
             'design = "training"\ntransform = { penetration_dept = "log" }',
             [
@@ -116,10 +106,8 @@ def test_what_is_not_given_has_a_default():
                 'did you mean "penetration_depth"?',
             ],
         ),
-        (
-            'design = "training"\ntransform = { termination = "log" }',
-            ["an output of rigid-penetration that has numbers"],
-        ),
+        ('design = "training"\ntransform = { termination = "log" }',
+         ["an output of rigid-penetration that has numbers"]),
         (
             'design = "training"\ntransform = { penetration_depth = "square" }',
             [
@@ -130,7 +118,7 @@ def test_what_is_not_given_has_a_default():
         ('design = "training"\ntransform = "log"', ["a table of names"]),
         ('design = "training"\nordr = 3', ["found an unknown key", 'did you mean "order"?']),
     ],
-)
+)  # fmt: skip
 def test_mistakes_are_reported(text, parts):
     reported = report(surrogate(text))
     for part in parts:

@@ -101,22 +101,16 @@ def test_a_copula_joins_inputs_of_one_distribution(study_of, unknown):
         ("{ poisson = { mean = [3, 4] } }", "one value: bounds are of continuous"),
         ("{ lognormal = { median = [3, 4], std = 1 } }", "inputs.a.lognormal.median"),
         ("{ normal = { mean = [3, 4], quantile = [0.9, 5] } }", "inputs.a.normal.quantile"),
-        (
-            "{ mixture = [{ weight = 1, normal = { mean = [3, 4], std = 1 } }, "
-            "{ weight = 1, normal = { mean = 0, std = 1 } }] }",
-            "intervals as parameters in a mixture",
-        ),
+        ("{ mixture = [{ weight = 1, normal = { mean = [3, 4], std = 1 } }, "
+         "{ weight = 1, normal = { mean = 0, std = 1 } }] }",
+         "intervals as parameters in a mixture"),
         ('{ measured = { file = "x.csv", uncertain = true } }', "a family beside it"),
-        (
-            '{ measured = { file = "x.csv", family = "normal", uncertain = "yes" } }',
-            "inputs.a.measured.uncertain",
-        ),
-        (
-            '{ measured = { file = "x.csv", family = "triangular", uncertain = true } }',
-            "which is not fitted",
-        ),
+        ('{ measured = { file = "x.csv", family = "normal", uncertain = "yes" } }',
+         "inputs.a.measured.uncertain"),
+        ('{ measured = { file = "x.csv", family = "triangular", uncertain = true } }',
+         "which is not fitted"),
     ],
-)
+)  # fmt: skip
 def test_mistakes_are_met_with_their_place(study_of, a, expected):
     said = refusal(study_of, '"monte-carlo"\nruns = 9', a=a, b="10 ± 1")
     assert expected in said

@@ -275,26 +275,18 @@ class Kriging(OutputSurrogate):
         ("return 1 / 0", "", "d", "its fit fails: ZeroDivisionError: division by zero"),
         ("import sys; sys.exit(3)", "", "d", "its fit fails: SystemExit: 3"),
         ("return 'too rough'", "", "d", "too rough"),
-        (
-            "return 1",
-            "",
-            "d",
-            "its fit fails: TypeError: fit_output returns an object of class int, not Fit",
-        ),
+        ("return 1", "", "d",
+         "its fit fails: TypeError: fit_output returns an object of class int, not Fit"),
         ("return Fit()", "return points", "d", "predict returns an object of class ndarray"),
         ("return Fit()", "return Prediction(points)", "d", "a mean of shape (20, 1), not (20,)"),
-        (
-            "return Fit()",
-            "return Prediction(points[:, 0], -np.ones(len(points)))",
-            "d",
-            "a std that is negative or no number",
-        ),
+        ("return Fit()", "return Prediction(points[:, 0], -np.ones(len(points)))", "d",
+         "a std that is negative or no number"),
         ("return Fit()", "return Prediction(points[:, 0] * np.nan)", "d", "is not finite"),
         ("return Fit({})", "return Prediction(points[:, 0])", "d", "Fit.kept is an object of"),
         ("return Fit()", "return Prediction(points[:, 0])", "a b", "a name and a title, not 'a b'"),
         ("return Fit()", "return Prediction(points[:, 0])", "check_runs", "names of their own"),
     ],
-)
+)  # fmt: skip
 def test_a_fit_that_fails_is_a_reason(folder, fit, predict, diagnostic, reason):
     text = FAILING.replace("FIT", fit).replace("PREDICT", predict or "pass")
     (folder / "my_surrogates.py").write_text(text.replace("DIAGNOSTIC", diagnostic))
