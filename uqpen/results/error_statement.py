@@ -7,8 +7,8 @@ computed for all that it has in it.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from itertools import groupby
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import groupby, product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,7 +22,6 @@ from uqpen.core.labels import (
     FINER_THAN,
     MISSING,
     MORE_SPECIMENS,
-    SPECIMENS,
     STANDS_FOR,
     SWEEP,
 )
@@ -41,13 +40,12 @@ _ALWAYS = _ANSWERS[:3]
 # How many times the runs are, in what more of them buy.
 _TIMES = 4
 
-# Names of the parts, and what the names of arrays begin with.
-_SAMPLING, _SURROGATE, _MODEL, _FINER, _CHANGE = "sampling", "surrogate", "model", "finer", "change"
-_FITTED, _INTERVALS, _LIMITS, _FAILED = "fitted", "intervals", "limits of these", "failed runs"
+# The parts of an error.
+_SAMPLING, _SURROGATE, _FITTED, _FINER = "sampling", "surrogate", "fitted", "finer"
+_INTERVALS, _LIMITS, _FAILED = "intervals", "limits of these", "failed runs"
 _FORM, _TOTAL = "model form", "total"
-# What the name of a part that may be the largest begins with.
+# Those that may be the largest.
 MAIN = (_FITTED, _INTERVALS, _FINER, _FAILED)
-_PREFIXES = ("plug_in_", "fitted_", "lower_", "upper_", "total_")
 
 _DEFINITIONS = {
     _SAMPLING: "interval of the runs, at the distributions as they are stated or fitted",
@@ -70,10 +68,17 @@ _BOUGHT_BY_SPECIMENS = "this part, if further specimens scatter as these do"
 class ErrorPart(NamedTuple):
     """A part of the error of an answer."""
 
-    name: str
+    kind: str  # such as ``"sampling"``
     lower: float  # in SI units; not a number where the part is not known
     upper: float
     definition: str
+    of: str = ""  # the surrogate or the finer model, or what more of is bought
+
+    @property
+    def name(self) -> str:
+        """What it is called in tables and in JSON."""
+        before = {_SURROGATE: " ", _FINER: ": "}.get(self.kind, ", ")
+        return f"{self.kind}{before}{self.of}" if self.of else self.kind
 
     @property
     def is_known(self) -> bool:
@@ -87,8 +92,8 @@ class ErrorStatement(NamedTuple):
     output: str
     label: str  # of the answer, such as ``"P(> 60 cm)"``
     design: str
-    is_probability: bool
     unit: str  # that it is shown in
+    is_probability: bool
     answer: float
     parts: tuple[ErrorPart, ...]
     total: ErrorPart
@@ -119,161 +124,166 @@ def error_statements(archive: xr.DataTree) -> Iterator[ErrorStatement]:
     """
     if archive.attrs.get(SWEEP):
         return  # its models are one at several values, whose differences are the answer
-    for output, design, unit, record, arrays in _estimates(archive):
-        for label, entries in labelled_entries(record, arrays):
-            name, is_probability = record.name, record.unit is UnitRule.NONE
-            answers = (entries.get(each) for each in (f"plug_in_{name}", name))
-            known = [float(each[0]) for each in answers if each is not None]
-            parts = tuple(_parts(name, entries, known, is_probability=is_probability))
-            if not _is_stated(record, entries, parts):
-                continue
-            middles = ((part.lower + part.upper) / 2 for part in parts if part.is_known)
-            answer = next(iter((*known, *middles)))
-            total, bought = _total(name, entries, parts), tuple(_bought(entries, parts, answer))
-            yield ErrorStatement(
-                output, label, design, is_probability, unit, answer, parts, total, bought
-            )
+    for of in _estimates(archive):
+        parts = tuple(_parts(of))
+        # The limits of the intervals are those of one part, unless there is one without a row.
+        counted = [each for each in parts if each.kind != _LIMITS or of.own.total is not None]
+        is_main = any(each.kind in MAIN for each in counted)
+        if sum(each.is_known for each in counted) > 1 and (is_main or of.record in _ALWAYS):
+            middles = ((each.lower + each.upper) / 2 for each in parts if each.is_known)
+            value = next(middles) if of.own.value is None else of.own.value
+            made_of = parts, _total(of, parts), tuple(_bought(of, parts, value))
+            yield ErrorStatement(*of[:4], of.is_probability, value, *made_of)
 
 
-def _estimates(
-    archive: xr.DataTree,
-) -> Iterator[tuple[str, str, str, Statistic, dict[str, xr.DataArray]]]:
-    """Yield each output with a design, a unit and an answer, and all estimates that are of it."""
+# Names of an answer's statistics in an archive begin with these: of its own, and over unknowns.
+_PREFIXES = ("", "plug_in_", "fitted_", "lower_", "upper_", "total_")
+
+
+class _ModelEstimates(NamedTuple):
+    """Estimates of one answer by one model, each a value and an interval in SI units."""
+
+    stated: xr.DataArray | None  # at the distributions as they are stated
+    plug_in: xr.DataArray | None  # at the fitted parameters
+    fitted: xr.DataArray | None  # over all parameters that fit the specimens as well
+    lower: xr.DataArray | None  # the least over the intervals of the inputs
+    upper: xr.DataArray | None  # the largest over these
+    total: xr.DataArray | None  # over the parameters and the intervals together
+
+    @property
+    def of_runs(self) -> xr.DataArray | None:
+        """The estimate whose interval is of the runs alone."""
+        return self.stated if self.plug_in is None else self.plug_in
+
+    @property
+    def value(self) -> float | None:
+        """The answer; None where it is a range over intervals of the inputs."""
+        return None if self.of_runs is None else float(self.of_runs.values[0])
+
+
+class _Estimates(NamedTuple):
+    """An answer, and all estimates that its error follows from."""
+
+    output: str
+    label: str
+    design: str
+    unit: str
+    record: Statistic
+    own: _ModelEstimates  # by the first model
+    more_specimens: Mapping[str, xr.DataArray]  # `own.fitted` with more, by how many of what
+    surrogates: Mapping[str, xr.DataArray | None]
+    # The estimates of each finer model, and the change from the first model to it.
+    finer: Mapping[str, tuple[_ModelEstimates, xr.DataArray | None]]
+    forms: Sequence[float]  # the answer by each model that is neither finer nor a stand-in
+
+    @property
+    def is_probability(self) -> bool:
+        """True for a probability, which is from 0 to 1."""
+        return self.record.unit is UnitRule.NONE
+
+
+def _estimates(archive: xr.DataTree) -> Iterator[_Estimates]:
+    """Yield each answer of the first model with the estimates of its error."""
     trees = model_trees(archive)
     models = {name: SourceStatistics(tree) for name, tree in trees.items()}
-    statistics = next(iter(models.values()))
+    first, *_ = models.values()
+    surrogates = [name for name in first.sources if first.kind(name) == "surrogate"]
+    finer = [name for name, tree in trees.items() if FINER_THAN in tree.attrs]
+    forms = [name for name, tree in trees.items() if not {FINER_THAN, STANDS_FOR} & {*tree.attrs}]
     differences = {
         name: SourceStatistics.of_differences(archive, name)
         for name in group_names(archive, DIFFERENCES)
     }
-    finer = [name for name, tree in trees.items() if FINER_THAN in tree.attrs]
-    alternatives = [
-        name for name, tree in trees.items() if not {FINER_THAN, STANDS_FOR} & tree.attrs.keys()
-    ]
-    surrogates = [name for name in statistics.sources if statistics.kind(name) == "surrogate"]
-    for output in statistics.scalar_outputs:
-        for record in _ANSWERS:
-            name = record.name
-            design = _design(statistics, output, name)
-            if design is None:
-                continue
-            found: dict[str, xr.DataArray | None] = {}
-            found |= _together(statistics, design, output, name)
-            for each in finer:
-                of_finer = _together(models[each], design, output, name)
-                found |= {f"{_FINER} {each} {key}": array for key, array in of_finer.items()}
-                if each in differences:  # those over a box have none
-                    found[f"{_CHANGE} {each}"] = differences[each].change(design, output, name)
-            for each in surrogates:
-                found[f"{_SURROGATE} {each}"] = statistics.get(each, output, name)
-            for each in alternatives:
-                own = _together(models[each], design, output, name)
-                found[f"{_MODEL} {each}"] = own.get(f"plug_in_{name}", own.get(name))
-            known = {key: array for key, array in found.items() if array is not None}
-            # Those of the runs alone, without a failed one, are of one part.
-            alone = {name, f"{_MODEL} {next(iter(models))}"}
-            if known.keys() - alone or MISSING in known[name].attrs:
-                yield output, design, statistics.unit(output), record, known
+    for output, record in product(first.scalar_outputs, _ANSWERS):
+        name = record.name
+        if (design := _design(first, output, name)) is None:
+            continue
+        stated = first.statistics(design, output)
+        array = next(stated[x] for each in _PREFIXES if (x := f"{each}{name}") in stated)
+        for place, (label, _) in enumerate(labelled_entries(record, {design: array})):
+
+            def entry(array: xr.DataArray | None, place: int = place) -> xr.DataArray | None:
+                return array if array is None or array.ndim == 1 else array_entries(array)[place]
+
+            by_model = {
+                model: _ModelEstimates(
+                    *(entry(each.get(design, output, f"{prefix}{name}")) for prefix in _PREFIXES)
+                )
+                for model, each in models.items()
+            }
+            changes = {key: each.change(design, output, name) for key, each in differences.items()}
+            more = first.entries(design, output, f"{MORE_SPECIMENS}{name}")
+            yield _Estimates(
+                *(output, label, design, first.unit(output), record),
+                next(iter(by_model.values())),
+                {key: each[place] if record.dims else each for key, each in more.items()},
+                {key: entry(first.get(key, output, name)) for key in surrogates},
+                {key: (by_model[key], entry(changes.get(key))) for key in finer},
+                [value for key in forms if (value := by_model[key].value) is not None],
+            )
 
 
 def _design(statistics: SourceStatistics, output: str, name: str) -> str | None:
     """Return the design whose answer it is; None where none has an interval."""
     having: dict[int, str] = {}
-    for design in statistics.sources:
-        if statistics.kind(design) != "design":
-            continue
+    for design in (each for each in statistics.sources if statistics.kind(each) == "design"):
         stated = statistics.statistics(design, output)
-        over = {prefix for prefix in _PREFIXES if f"{prefix}{name}" in stated}
-        of_unknowns = any(f"{prefix}mean" in stated for prefix in _PREFIXES)
+        over = {prefix for prefix in _PREFIXES[1:] if f"{prefix}{name}" in stated}
+        is_plain = name in stated and not any(f"{each}mean" in stated for each in _PREFIXES[1:])
         if {"fitted_", "total_"} & over:
             having.setdefault(0, design)
-        elif over or (
-            not of_unknowns and name in stated and is_sample_design(statistics.tree, design)
-        ):
+        elif over or (is_plain and is_sample_design(statistics.tree, design)):
             having.setdefault(1, design)
-        elif not of_unknowns and name in stated and np.isfinite(stated[name].values).all():
+        elif is_plain and np.isfinite(stated[name].values).all():
             having.setdefault(2, design)
     return having[min(having)] if having else None
 
 
-def _together(
-    statistics: SourceStatistics, design: str, output: str, name: str
-) -> dict[str, xr.DataArray]:
-    """Return the answer of a model by a design, and those over unknowns, by their names."""
-    stated = statistics.statistics(design, output)
-    names = (name, *(f"{prefix}{name}" for prefix in _PREFIXES))
-    found = {each: stated[each] for each in names if each in stated}
-    if (more := stated.get(f"{MORE_SPECIMENS}{name}")) is not None:
-        labels = more[SPECIMENS].values.tolist()
-        found |= {
-            f"{_FITTED}, {key}": each for key, each in zip(labels, array_entries(more), strict=True)
-        }
-    return found
-
-
-def _is_stated(
-    record: Statistic, arrays: dict[str, xr.DataArray], parts: Sequence[ErrorPart]
-) -> bool:
-    """Check for two known parts; an answer that need not have a statement has a main one, too.
-
-    The limits of the intervals are those of one part, unless there is one without a row.
-    """
-    is_one = f"total_{record.name}" not in arrays
-    counted = [each for each in parts if each.name != _LIMITS or not is_one]
-    is_main = any(each.name.startswith(MAIN) for each in counted)
-    return sum(each.is_known for each in counted) > 1 and (is_main or record in _ALWAYS)
-
-
-def _parts(
-    name: str, arrays: dict[str, xr.DataArray], known: list[float], *, is_probability: bool
-) -> Iterator[ErrorPart]:
+def _parts(of: _Estimates) -> Iterator[ErrorPart]:
     """Yield the parts of the error of an answer."""
-    own = arrays.get(f"plug_in_{name}", arrays.get(name))
-    surrogates = {key: each for key, each in arrays.items() if key.startswith(_SURROGATE)}
-    named = {_SAMPLING: own, **surrogates, _FITTED: arrays.get(f"fitted_{name}")}
-    for part, array in named.items():
+    own, value = of.own, of.own.value
+    remark = "; of the next specimen" * (own.fitted is not None)
+    for kind, source, array, text in (
+        (_SAMPLING, "", own.of_runs, _DEFINITIONS[_SAMPLING]),
+        *((_SURROGATE, *each, _DEFINITIONS[_SURROGATE] + remark) for each in of.surrogates.items()),
+        (_FITTED, "", own.fitted, _DEFINITIONS[_FITTED]),
+    ):
         if array is not None:
             _, lower, upper = array.values.tolist()
-            text = _DEFINITIONS[part.split()[0]]
-            text += "; of the next specimen" * (part in surrogates and f"fitted_{name}" in arrays)
-            found = ErrorPart(part, lower, upper, text)
+            found = ErrorPart(kind, lower, upper, text, source)
             yield found if found.is_known else found._replace(definition=estimate_remark(array))
-    least, largest = arrays.get(f"lower_{name}"), arrays.get(f"upper_{name}")
-    if least is not None and largest is not None:
-        ends, limits = (least[0], largest[0]), (least[1], largest[2])
-        of_limits = ErrorPart(_LIMITS, float(limits[0]), float(limits[1]), _DEFINITIONS[_LIMITS])
-        text = _DEFINITIONS[_INTERVALS] if of_limits.is_known else estimate_remark(least)
-        yield ErrorPart(_INTERVALS, float(ends[0]), float(ends[1]), text)
+    if own.lower is not None and own.upper is not None:
+        (least, low, _), (largest, _, high) = own.lower.values.tolist(), own.upper.values.tolist()
+        of_limits = ErrorPart(_LIMITS, low, high, _DEFINITIONS[_LIMITS])
+        text = _DEFINITIONS[_INTERVALS] if of_limits.is_known else estimate_remark(own.lower)
+        yield ErrorPart(_INTERVALS, least, largest, text)
         yield of_limits
-    if known and is_probability and (share := _missing_share(own)):
-        lower, upper = _for_any_outcome(known[0], known[0], share)
-        yield ErrorPart(_FAILED, lower, upper, _DEFINITIONS[_FAILED])
-    yield from _finer_parts(name, arrays, known, is_probability=is_probability)
-    answers = [float(each[0]) for key, each in arrays.items() if key.startswith(_MODEL)]
-    if len(answers) > 1:
+    if value is not None and of.is_probability and (share := _missing_share(own.of_runs)):
+        yield ErrorPart(_FAILED, *_for_any_outcome(value, value, share), _DEFINITIONS[_FAILED])
+    yield from _finer_parts(of)
+    if len(answers := of.forms) > 1:
         text = _DEFINITIONS[_FORM].format(models=len(answers))
         yield ErrorPart(_FORM, min(answers), max(answers), text)
 
 
-def _finer_parts(
-    name: str, arrays: dict[str, xr.DataArray], known: list[float], *, is_probability: bool
-) -> Iterator[ErrorPart]:
+def _finer_parts(of: _Estimates) -> Iterator[ErrorPart]:
     """Yield the part of each finer model: of the paired difference, or over the intervals."""
-    for finer in dict.fromkeys(key.split()[1] for key in arrays if key.startswith(f"{_FINER} ")):
-        change, part = arrays.get(f"{_CHANGE} {finer}"), f"{_FINER}: {finer}"
-        if change is not None and known:
-            lower, upper = (known[0] + change.values[1:]).tolist()
+    for model, (finer, change) in of.finer.items():
+        if change is not None and (value := of.own.value) is not None:
+            lower, upper = (value + change.values[1:]).tolist()
             if not math.isfinite(upper - lower):
-                yield ErrorPart(part, lower, upper, estimate_remark(change))
+                yield ErrorPart(_FINER, lower, upper, estimate_remark(change), model)
                 continue
-            if is_probability:
+            if of.is_probability:
                 lower, upper = max(lower, 0.0), min(upper, 1.0)
-            yield ErrorPart(part, min(lower, known[0]), max(upper, known[0]), _DEFINITIONS[_FINER])
+            ends = (min(lower, value), max(upper, value))
+            yield ErrorPart(_FINER, *ends, _DEFINITIONS[_FINER], model)
             continue
-        of_both = [f"{end}_{name}" for end in ("lower", "upper")]
-        of_both += [f"{_FINER} {finer} {key}" for key in of_both]
-        if ends := [float(arrays[key][0]) for key in of_both if key in arrays]:
-            yield ErrorPart(part, min(ends), max(ends), _OVER_BOTH)
+        if all(each is None for each in finer):
+            continue
+        over_both = (of.own.lower, of.own.upper, finer.lower, finer.upper)
+        if known := [float(each.values[0]) for each in over_both if each is not None]:
+            yield ErrorPart(_FINER, min(known), max(known), _OVER_BOTH, model)
 
 
 def _missing_share(array: xr.DataArray | None) -> float:
@@ -293,47 +303,41 @@ def _for_any_outcome(lower: float, upper: float, share: float) -> tuple[float, f
     return (1 - share) * lower, (1 - share) * upper + share
 
 
-def _computed(name: str, arrays: dict[str, xr.DataArray]) -> tuple[float, float, str, str]:
+def _computed(of: _ModelEstimates, *, is_probability: bool) -> tuple[float, float, str, str]:
     """Return the interval of a model that is computed for all at once: for what, or why not."""
-    both, fitted = arrays.get(f"total_{name}"), arrays.get(f"fitted_{name}")
-    least, largest = arrays.get(f"lower_{name}"), arrays.get(f"upper_{name}")
-    if both is not None:
-        array, what = both, "the parameters, the intervals and the runs"
-    elif fitted is not None:
-        array, what = fitted, "the parameters and the runs"
-    elif least is not None and largest is not None:
-        lower, upper = float(least[1]), float(largest[2])
-        return lower, upper, "the intervals and the runs", estimate_remark(least)
+    if of.total is not None:
+        array, what = of.total, "the parameters, the intervals and the runs"
+    elif of.fitted is not None:
+        array, what = of.fitted, "the parameters and the runs"
+    elif of.lower is not None and of.upper is not None:
+        lower, upper = of.lower.values[1].item(), of.upper.values[2].item()
+        return lower, upper, "the intervals and the runs", estimate_remark(of.lower)
     else:
-        return *arrays[name].values[1:].tolist(), "the runs", estimate_remark(arrays[name])
+        assert of.stated is not None
+        return *of.stated.values[1:].tolist(), "the runs", estimate_remark(of.stated)
     _, lower, upper = array.values.tolist()
-    share = _missing_share(array)
-    if share and CATALOGUE[name].unit is UnitRule.NONE:
+    if is_probability and (share := _missing_share(array)):
         lower, upper = _for_any_outcome(lower, upper, share)
     return lower, upper, what, estimate_remark(array)
 
 
-def _total(name: str, arrays: dict[str, xr.DataArray], parts: tuple[ErrorPart, ...]) -> ErrorPart:
+def _total(of: _Estimates, parts: tuple[ErrorPart, ...]) -> ErrorPart:
     """Return the interval that has all in it but the form of the model.
 
     It is computed for each model that is the same one, and reaches over these.
     """
-    lower, upper, what, remark = _computed(name, arrays)
+    lower, upper, what, remark = _computed(of.own, is_probability=of.is_probability)
     if not (math.isfinite(lower) and math.isfinite(upper)):
         return ErrorPart(_TOTAL, lower, upper, remark)
-    ends = [(lower, upper)]
-    finer = [part.name for part in parts if part.name.startswith(_FINER)]
-    for each in finer:
-        head = f"{each.replace(':', '')} "
-        own = {key.removeprefix(head): arrays[key] for key in arrays if key.startswith(head)}
-        ends.append(_computed(name, own)[:2])
+    finer = [part.of for part in parts if part.kind == _FINER]
     # A surrogate is of the next specimen, and not of the parameters as fitted.
-    left_out = (_FORM, *[_SURROGATE] * (f"fitted_{name}" in arrays))
-    others = [part for part in parts if not part.name.startswith(left_out)]
-    ends += [(part.lower, part.upper) for part in others]
+    left_out = {_FORM} if of.own.fitted is None else {_FORM, _SURROGATE}
+    others = [part for part in parts if part.kind not in left_out]
+    ends = [(lower, upper), *((part.lower, part.upper) for part in others)]
+    ends += [_computed(of.finer[x][0], is_probability=of.is_probability)[:2] for x in finer]
     known = [pair for pair in ends if all(map(math.isfinite, pair))]
-    over = [part.name for part in others if part.is_known and part.name.split()[0] == _SURROGATE]
-    over += [each.replace(":", "") for each in finer]
+    over = [part.name for part in others if part.is_known and part.kind == _SURROGATE]
+    over += [f"{_FINER} {model}" for model in finer]
     without = [part.name for part in parts if not part.is_known or part not in others]
     text = f"computed for {what}{' together' * (' and ' in what)}"
     text += f", and over the same by {' and by '.join(over)}" if over else ""
@@ -341,22 +345,18 @@ def _total(name: str, arrays: dict[str, xr.DataArray], parts: tuple[ErrorPart, .
     return ErrorPart(_TOTAL, min(low for low, _ in known), max(high for _, high in known), text)
 
 
-def _bought(
-    arrays: dict[str, xr.DataArray], parts: tuple[ErrorPart, ...], answer: float
-) -> Iterator[ErrorPart]:
+def _bought(of: _Estimates, parts: tuple[ErrorPart, ...], value: float) -> Iterator[ErrorPart]:
     """Yield what more runs make of the sampling error, and more specimens of that of a fit."""
-    named = {part.name: part for part in parts}
-    part = named.get(_SAMPLING)
-    if part is not None and part.is_known:
+    named = {part.kind: part for part in parts}
+    if (part := named.get(_SAMPLING)) and part.is_known:
         # As many of more runs would fail.
-        inner = named.get(_FAILED, part._replace(lower=answer, upper=answer))
+        inner = named.get(_FAILED, part._replace(lower=value, upper=value))
         lower = inner.lower + (part.lower - inner.lower) / math.sqrt(_TIMES)
         upper = inner.upper + (part.upper - inner.upper) / math.sqrt(_TIMES)
-        yield ErrorPart(f"{_SAMPLING}, {_TIMES} times the runs", lower, upper, _BOUGHT)
-    for key, array in arrays.items():
-        if key.startswith(f"{_FITTED}, "):
-            _, lower, upper = array.values.tolist()
-            yield ErrorPart(key, lower, upper, _BOUGHT_BY_SPECIMENS)
+        yield ErrorPart(_SAMPLING, lower, upper, _BOUGHT, f"{_TIMES} times the runs")
+    for specimens, array in of.more_specimens.items():
+        _, lower, upper = array.values.tolist()
+        yield ErrorPart(_FITTED, lower, upper, _BOUGHT_BY_SPECIMENS, specimens)
 
 
 def error_tables(archive: xr.DataTree) -> Iterator[OutputTable]:
