@@ -15,25 +15,23 @@ minutes. Its independent runs are drawn from them, so this truth is exact; hyper
 
 from __future__ import annotations
 
-import sys
-from argparse import ArgumentParser, Namespace
+from argparse import ArgumentParser
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cache
-from itertools import product
 from pathlib import Path
 from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 from scipy import special
 from scipy.stats import qmc
-from seed_table import LOWEST, Case, Row, SeedTable, lines, per_cent, totals
+from seed_table import LOWEST, STUDIES, Row, SeedTable, grouped, lines, per_cent, totals
 from skewed_coverage import Design
 
+from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.model import Dimension, Output
 from uqpen.core.streams import Stream
 from uqpen.designs.latin_hypercube import LatinHypercube
@@ -44,9 +42,6 @@ from uqpen.statistics.fields.simultaneous_bands import mean_band, quantile_band,
 from uqpen.statistics.quantity_of_interest import DEFAULT_QUANTILES, QuantityOfInterest
 from uqpen.study.load import load_study
 
-FloatArray = npt.NDArray[np.float64]
-
-STUDIES = Path(__file__).parents[1] / "studies"
 ROD_INPUTS = load_study(STUDIES / "rod_course.toml").joint
 
 # A cell with fewer bands has too large an error to be judged.
@@ -180,20 +175,22 @@ def _problem(name: str, every: int, rod_runs: Path) -> tuple[Problem, Truth]:
     return problem, Truth.of(problem)
 
 
-def _rows(case: Case, seeds: Sequence[int], options: Namespace) -> Iterator[Row]:
+def _rows(
+    name: str, design: str, seeds: Sequence[int], every: int, bands: str, rod: Path
+) -> Iterator[Row]:
     """Yield numbers of bands and of those that cover, shares of places, and the largest height."""
-    problem, truth = _problem(str(case[0]), options.every, options.rod)
+    problem, truth = _problem(name, every, rod)
     found: dict[str, list[Band]] = defaultdict(list)
-    for field in _fields(problem, truth, DESIGNS[str(case[1])], seeds):
-        for statistic, band in _bands(field, truth, options.bands):
+    for field in _fields(problem, truth, DESIGNS[design], seeds):
+        for statistic, band in _bands(field, truth, bands):
             found[statistic].append(band)
-    for statistic, bands in found.items():
+    for statistic, own in found.items():
         yield {
             "statistic": statistic,
-            "covers": sum(band.covers for band in bands),
-            "bands": len(bands),
-            "places": sum(band.places for band in bands),
-            "highest": max(band.height for band in bands),
+            "covers": sum(band.covers for band in own),
+            "bands": len(own),
+            "places": sum(band.places for band in own),
+            "highest": max(band.height for band in own),
         }
 
 
@@ -262,19 +259,18 @@ def _share_of_places(band: xr.DataArray) -> float:
     return float(np.isfinite(band.values[:, 1:]).any(axis=1).mean())
 
 
-def _is_inside(band: xr.DataArray, curves: FloatArray) -> npt.NDArray[np.bool_]:
+def _is_inside(band: xr.DataArray, curves: FloatArray) -> BoolArray:
     """Mask of the curves that leave a band nowhere; NaN is no place, nor an end of the band."""
     _, lower, upper = band.values.T
-    mask: npt.NDArray[np.bool_] = ~((curves < lower) | (curves > upper)).any(axis=1)
+    mask: BoolArray = ~((curves < lower) | (curves > upper)).any(axis=1)
     return mask
 
 
 def _cells(rows: Sequence[Row]) -> dict[tuple[str, str, str], SimpleNamespace]:
     keys = ("problem", "design", "statistic")
-    cells = totals(rows, keys, ("covers", "bands", "places"))
-    for row in rows:
-        cell = cells[row["problem"], row["design"], row["statistic"]]
-        cell.highest = max(getattr(cell, "highest", 0), row["highest"])
+    cells = totals(rows, *keys)
+    for key, found in grouped(rows, *keys).items():
+        cells[key].highest = max(row["highest"] for row in found)
     return cells
 
 
@@ -312,8 +308,7 @@ def _text(cell: SimpleNamespace | None, most: float) -> str:
 
 
 TABLE = SeedTable(
-    ("problem", "design"),
-    lambda: product(PROBLEMS, DESIGNS),
+    {"problem": PROBLEMS, "design": DESIGNS},
     _rows,
     {"bands along a curve": _page},
     _failing,
@@ -322,4 +317,4 @@ TABLE = SeedTable(
 )
 
 if __name__ == "__main__":
-    sys.exit(TABLE.main(__doc__))
+    TABLE.main(__doc__)

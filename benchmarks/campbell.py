@@ -10,42 +10,28 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
+import problems
 import xarray as xr
 from scipy.integrate import trapezoid
 
-from uqpen.core.labels import SAMPLING
+from uqpen.core.arrays import FloatArray
 from uqpen.core.streams import Stream
 from uqpen.designs.design import Design
-from uqpen.designs.rounds import run_rounds
-from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
 from uqpen.distributions.univariate import Uniform
-from uqpen.execution import Evaluator, evaluate, join_rounds
+from uqpen.execution import Evaluator, evaluate
 from uqpen.models.known_functions import Campbell
-
-FloatArray = npt.NDArray[np.float64]
 
 LOWER, UPPER = -1.0, 5.0
 CURVE = Campbell.outputs[0]
-JOINT = JointDistribution(
-    tuple(RandomInput(entry, Uniform(LOWER, UPPER), "1") for entry in Campbell.inputs),
-    Campbell.inputs,
-)
+JOINT = problems.independent(**{each.name: Uniform(LOWER, UPPER) for each in Campbell.inputs})
 # Mean and variance of x4, and of any other input.
 MEAN, VARIANCE = 2.0, 3.0
 
 
 def runs_of(design: Design, seed: int) -> xr.Dataset:
     """Return the runs of a design, by its seed."""
-    evaluator = Evaluator(Campbell())
-    rounds = run_rounds(
-        design,
-        JOINT,
-        Stream(seed, "designs", "campbell"),
-        lambda points, _: {"": evaluate(evaluator, points, {})},
-    )
-    runs = join_rounds([each[""] for each in rounds])
-    return runs.assign_attrs({SAMPLING: str(design.sampling)})
+    stream, evaluator = Stream(seed, "designs", "campbell"), Evaluator(Campbell())
+    return problems.runs_of(design, JOINT, stream, lambda points: evaluate(evaluator, points, {}))
 
 
 class Exact(NamedTuple):

@@ -21,12 +21,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from seed_table import fill
 
+from uqpen.core.arrays import FloatArray
 from uqpen.statistics.intervals import clopper_pearson, student_quantile
 
-FloatArray = npt.NDArray[np.float64]
 LEVEL = 0.95
 
 

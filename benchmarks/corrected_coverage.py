@@ -13,25 +13,32 @@ if its intervals cover in less than 92 %.
 from __future__ import annotations
 
 import math
-import sys
-from argparse import Namespace
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cache, cached_property
 from itertools import islice, product
-from pathlib import Path
 from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from gaussian_process import CASES, ishigami
 from scipy import special
 from scipy.stats import qmc
-from seed_table import FEWEST, Case, Row, SeedTable, lines, per_cent, too_seldom, totals
+from seed_table import (
+    FEWEST,
+    STUDIES,
+    Case,
+    Row,
+    SeedTable,
+    lines,
+    per_cent,
+    too_seldom,
+    totals,
+)
 from skewed_coverage import Design
 
+from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 from uqpen.core.model import Output
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
@@ -55,9 +62,6 @@ from uqpen.study.load import load_study
 from uqpen.surrogates.chaos.basis import ProductBasis, univariate_basis
 from uqpen.surrogates.chaos.coefficients import sparse_regression
 
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-
 FOLDS = 5
 QUANTITY = QuantityOfInterest(Output("y", "1"), "1")
 QUANTILES = np.array(QUANTITY.quantiles)
@@ -69,7 +73,7 @@ _TRUTH_POINTS = 20
 SUMS = ("covers", "intervals", "width", "plain_covers", "plain_intervals", "plain_width")
 SUMS += ("alone", "wider")
 
-CONCRETE = load_study(Path(__file__).parents[1] / "studies" / "concrete.toml")
+CONCRETE = load_study(STUDIES / "concrete.toml")
 
 
 class Function(NamedTuple):
@@ -86,7 +90,7 @@ class Function(NamedTuple):
     is_logarithm: bool = False
     has_indices: bool = False
     correlation: float = 0.0
-    fails_at: Callable[[FloatArray], npt.NDArray[np.bool_]] | None = None
+    fails_at: Callable[[FloatArray], BoolArray] | None = None
 
     def points(self, cube: FloatArray) -> FloatArray:
         """Return dependent points, if the inputs depend on each other."""
@@ -402,13 +406,12 @@ def _cases() -> Iterator[Case]:
         yield from ((name, design, runs) for design in _designs(runs))
 
 
-def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
+def _rows(name: str, design: str, runs: int, seeds: Sequence[int]) -> Iterator[Row]:
     """Yield the counts of each statistic."""
-    name, design, runs = case
-    problem = _problem(str(name))
+    problem = _problem(name)
     counts: dict[str, dict[str, float]] = defaultdict(lambda: dict.fromkeys(SUMS, 0))
     for number in seeds:
-        seed = _seed(problem, _designs(int(runs))[str(design)], int(runs), number)
+        seed = _seed(problem, _designs(runs)[design], runs, number)
         plain = dict(_plain(seed, problem.truth))
         corrected = dict(_corrected(seed.runs, problem.truth, seed.parts))
         for statistic, true in problem.truth.values.items():
@@ -441,7 +444,7 @@ def _cells(rows: Sequence[Row]) -> dict[tuple[str, str, int, str], SimpleNamespa
     for row in rows:
         kind, _, _ = row["statistic"].partition(" ")
         merged.append({**row, "statistic": kind} if kind in ("first", "total") else row)
-    return totals(merged, ("function", "design", "runs", "statistic"), ("count", *SUMS))
+    return totals(merged, "function", "design", "runs", "statistic")
 
 
 def _page(rows: Sequence[Row]) -> Iterator[str]:
@@ -500,12 +503,12 @@ def _pooled(
 
 TABLE = SeedTable(
     ("function", "design", "runs"),
-    _cases,
     _rows,
     {"corrected estimates of surrogates": _page},
     lambda rows: too_seldom(_cells(rows)),
     at_once=5,
+    cases=_cases,
 )
 
 if __name__ == "__main__":
-    sys.exit(TABLE.main(__doc__))
+    TABLE.main(__doc__)

@@ -9,25 +9,19 @@ intervals cover in less than 92 %.
 
 from __future__ import annotations
 
-import sys
-from argparse import Namespace
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache
-from itertools import product
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
-from seed_table import LOWEST, Case, Row, SeedTable, lines, per_cent
+from seed_table import LOWEST, STUDIES, Row, SeedTable, grouped, lines, per_cent
 
 import uqpen
+from uqpen.core.arrays import FloatArray
 from uqpen.core.streams import Stream
 from uqpen.execution import Evaluator
 from uqpen.statistics.surrogate.surrogate_draws import ConditionalDraws, paired_outputs
-
-FloatArray = npt.NDArray[np.float64]
 
 _TRUTHS = 2
 
@@ -69,7 +63,7 @@ truncation = 1.0
 
 
 def _concrete() -> str:
-    text = (Path(__file__).parents[1] / "studies" / "concrete.toml").read_text(encoding="utf-8")
+    text = (STUDIES / "concrete.toml").read_text(encoding="utf-8")
     inputs = text[text.index("[model]") : text.index("[designs.")]
     return "seed = {seed}\n" + inputs.replace("{", "{{").replace("}", "}}")
 
@@ -141,9 +135,8 @@ def _event(limit: float) -> Callable[[FloatArray], FloatArray]:
     return lambda values: np.where(np.isnan(values), np.nan, values > limit)
 
 
-def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
+def _rows(name: str, runs: int, seeds: Sequence[int]) -> Iterator[Row]:
     """Yield the intervals of all inputs."""
-    name, runs = str(case[0]), int(case[1])
     for seed in seeds:
         tree = uqpen.run(PROBLEMS[name].study(runs, seed))
         for (output, variable, kind), exact in _truth(name).items():
@@ -160,16 +153,9 @@ def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
                 yield row | {"true": true, "lower": lower, "upper": upper}
 
 
-def _cells(rows: Sequence[Row]) -> dict[tuple[str, int, str], list[Row]]:
-    cells: dict[tuple[str, int, str], list[Row]] = defaultdict(list)
-    for row in rows:
-        cells[row["study"], row["runs"], row["statistic"]].append(row)
-    return cells
-
-
 def _page(rows: Sequence[Row]) -> Iterator[str]:
     head = ("study", "runs", "index of", "seeds", "coverage", "width", "given")
-    cells = sorted(_cells(rows).items())
+    cells = sorted(grouped(rows, "study", "runs", "statistic").items())
     of = ([PROBLEMS[study].title, *key, *_texts(cell)] for (study, *key), cell in cells)
     yield from lines(head, of)
 
@@ -191,15 +177,14 @@ def _given(rows: Sequence[Row]) -> tuple[int, list[float]]:
 
 
 def _failing(rows: Sequence[Row]) -> Iterator[str]:
-    for key, found in _cells(rows).items():
+    for key, found in grouped(rows, "study", "runs", "statistic").items():
         covering, widths = _given(found)
         if covering < LOWEST * len(widths):
             yield f"{key}: {covering} of {len(widths)}"
 
 
 TABLE = SeedTable(
-    ("study", "runs"),
-    lambda: product(PROBLEMS, (100, 200, 500)),
+    {"study": PROBLEMS, "runs": (100, 200, 500)},
     _rows,
     {"corrected indices": _page},
     _failing,
@@ -207,4 +192,4 @@ TABLE = SeedTable(
 )
 
 if __name__ == "__main__":
-    sys.exit(TABLE.main(__doc__))
+    TABLE.main(__doc__)

@@ -7,16 +7,14 @@ drawn from their priors, then data with errors. The exact posterior is sampled o
 from __future__ import annotations
 
 import math
-import sys
-from argparse import Namespace
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple, cast
 
 import numpy as np
-import numpy.typing as npt
 from scipy.special import ndtr
-from seed_table import Case, Row, SeedTable, lines, per_cent
+from seed_table import Row, SeedTable, grouped, share, table
 
+from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.streams import Stream
 from uqpen.core.variables import Output
 from uqpen.designs.posterior import PriorCoordinates, sample_posterior
@@ -29,22 +27,20 @@ from uqpen.surrogates.surrogate_posterior import (
     search_posterior,
 )
 
-Array = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-
 
 class Problem(NamedTuple):
     """A model, at the rows of its measurements, and the errors of these."""
 
     unknowns: int
-    results: Callable[[Array], Array]  # (run, coordinate) to (run, row); NaN of a failed run
-    std: float | Array  # of an error; (row,)
+    # (run, coordinate) to (run, row); NaN of a failed run
+    results: Callable[[FloatArray], FloatArray]
+    std: float | FloatArray  # of an error; (row,)
     # (row,): numbers of experiments in which an input has values of its own, the coordinates behind
     # the unknowns
     experiment: IntArray | None = None
 
 
-def uniform(points: Array, lower: float, upper: float) -> Array:
+def uniform(points: FloatArray, lower: float, upper: float) -> FloatArray:
     """Return uniform numbers, shape (run, 1), that stand for standard normal ones."""
     return np.asarray(lower + (upper - lower) * ndtr(points[:, np.newaxis]))
 
@@ -52,7 +48,7 @@ def uniform(points: Array, lower: float, upper: float) -> Array:
 TIMES = np.linspace(0.5, 6.0, 12)
 
 
-def oscillation(points: Array) -> Array:
+def oscillation(points: FloatArray) -> FloatArray:
     """Return the displacement of a damped oscillator at 12 times."""
     amplitude = uniform(points[:, 0], 0.5, 1.5)
     damping = uniform(points[:, 1], 0.05, 0.5)
@@ -60,7 +56,7 @@ def oscillation(points: Array) -> Array:
     return np.asarray(amplitude * np.exp(-damping * TIMES) * np.cos(frequency * TIMES))
 
 
-def fast_oscillation(points: Array) -> Array:
+def fast_oscillation(points: FloatArray) -> FloatArray:
     """Return the displacement of one of up to six periods, which 12 times hardly show."""
     amplitude = uniform(points[:, 0], 0.5, 1.5)
     damping = uniform(points[:, 1], 0.05, 0.5)
@@ -68,14 +64,14 @@ def fast_oscillation(points: Array) -> Array:
     return np.asarray(amplitude * np.exp(-damping * TIMES) * np.cos(frequency * TIMES))
 
 
-def failing_oscillation(points: Array) -> Array:
+def failing_oscillation(points: FloatArray) -> FloatArray:
     """Return the same, where a run fails in the tenth of the prior with the highest energy."""
     energy = points[:, 0] + points[:, 2]
     fails = energy > 1.2815515655446004 * math.sqrt(2)
     return np.where(fails[:, np.newaxis], np.nan, oscillation(points))
 
 
-def reaction(points: Array) -> Array:
+def reaction(points: FloatArray) -> FloatArray:
     """Return the middle two substances of A → B ⇌ C at six times, with three rate constants.
 
     dB/dt = k1 A - k2 B + k3 C, and C = 1 - A - B.
@@ -97,7 +93,7 @@ ROD = WalkerAnderson()
 ROD_ERRORS = np.repeat([0.005, 0.001], len(VELOCITIES))
 
 
-def rod(points: Array) -> Array:
+def rod(points: FloatArray) -> FloatArray:
     """Return depths and residues of eroding rods at six impact velocities.
 
     Unknown are the strength of the target and the radii of plastic flow and of the crater. Further
@@ -139,7 +135,7 @@ PROBLEMS = {
 }
 
 
-def measurements(problem: Problem, data: Array) -> Experiments:
+def measurements(problem: Problem, data: FloatArray) -> Experiments:
     """Return the measurements of a data set: each row is an experiment."""
     rows = np.arange(len(data))
     experiments = rows if problem.experiment is None else problem.experiment
@@ -156,14 +152,14 @@ def coordinates(measured: Experiments) -> PriorCoordinates:
     return PriorCoordinates(cast(Any, None), measured)
 
 
-def exact_posterior(problem: Problem, measured: Experiments, stream: Stream) -> Array:
+def exact_posterior(problem: Problem, measured: Experiments, stream: Stream) -> FloatArray:
     """Return draws of the posterior, by a long run of the sampler on the model itself."""
     particles, replicates = 2000, 4
     sampler = sample_posterior(
         coordinates(measured).dimension, particles, replicates, 10**9, stream
     )
-    asked, ended, first = next(sampler), dict[int, Array](), 0
-    points = list[Array]()
+    asked, ended, first = next(sampler), dict[int, FloatArray](), 0
+    points = list[FloatArray]()
     while True:
         found = measured.log_likelihood(problem.results(asked.points))
         points.append(asked.points)
@@ -197,7 +193,6 @@ def surrogate_posterior(
     return WeightedPosterior(names, asked.points[:, : len(names)], found, asked.predicted), runs
 
 
-KEYS = ("model",)
 # Ends of the intervals that are compared.
 ENDS = (0.05, 0.95)
 
@@ -239,72 +234,81 @@ def _row(name: str, seed: int) -> Row:
     }
 
 
-def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
-    for seed in seeds:
-        yield _row(str(case[0]), seed)
+def _rows(name: str, seeds: Sequence[int]) -> Iterator[Row]:
+    yield from (_row(name, seed) for seed in seeds)
 
 
-def _columns(rows: Sequence[Row], key: str) -> Array:
-    """Return a number of each unknown of each data set, shape (data set, unknown)."""
-    return np.array([[row[f"{key}_{place}"] for place in range(3)] for row in rows])
+class Cell:
+    """All data sets of a model."""
+
+    def __init__(self, name: str, rows: Sequence[Row]) -> None:
+        self.name, self.rows, self.count = name, rows, len(rows)
+
+    def values(self, key: str) -> FloatArray:
+        """Return a number of each data set, or of each unknown, too."""
+        keys = [each for each in self.rows[0] if each == key or each.startswith(f"{key}_")]
+        return np.array([[row[each] for each in keys] for row in self.rows])
+
+    def median(self, key: str, form: str) -> str:
+        """Return the median of a number as text."""
+        return format(np.median(self.values(key)), form)
+
+    def share(self, key: str) -> str:
+        """Return the share of what is counted among data sets, or among all unknowns."""
+        return share(self.values(key).sum(), self.count * (1 if key == "confirmed" else 3))
 
 
-def _by_model(rows: Sequence[Row]) -> Iterator[tuple[str, list[Row]]]:
-    for name in PROBLEMS:
-        if own := [row for row in rows if row["model"] == name]:
-            yield name, own
+def _off(key: str) -> Callable[[Cell], str]:
+    return lambda c: f"{np.median(off := np.abs(c.values(key))):.2f}, {off.max():.2f}"
 
 
-def _posteriors(rows: Sequence[Row]) -> Iterator[str]:
-    head = ["model", "data sets", "runs", "error of mean [sd]: median, worst"]
-    head += ["by the surrogate alone", "ratio of sd", "holds truth", "exact holds truth"]
-    head += ["probability of intervals", "effective of 60", "confirmed"]
-    cells = []
-    for name, own in _by_model(rows):
-        count = len(own)
-        error, alone = (np.abs(_columns(own, key)) for key in ("error", "surrogate_error"))
-        content = np.array([row["content"] for row in own])
-        held = [per_cent(sum(row[key] for row in own), 3 * count) for key in HOLDS]
-        cells.append(
-            [
-                name,
-                count,
-                f"{np.median([row['runs'] for row in own]):.0f}",
-                *(f"{np.median(each):.2f}, {each.max():.2f}" for each in (error, alone)),
-                f"{np.median(_columns(own, 'std_ratio')):.2f}",
-                *(f"{each} %" for each in held),
-                f"{content.mean():.1%} ± {content.std() / math.sqrt(count):.1%}".replace("%", " %"),
-                f"{np.median([row['effective'] for row in own]):.0f}",
-                f"{per_cent(sum(row['confirmed'] for row in own), count)} %",
-            ]
-        )
-    yield from lines(head, cells)
+def _content(cell: Cell) -> str:
+    content = cell.values("content")
+    error = content.std() / math.sqrt(cell.count)
+    return f"{content.mean():.1%} ± {error:.1%}".replace("%", " %")
 
 
-HOLDS = ("holds", "exact_holds")
+COLUMNS = {
+    "model": "name",
+    "data sets": "count",
+    "runs": lambda c: c.median("runs", ".0f"),
+    "error of mean [sd]: median, worst": _off("error"),
+    "by the surrogate alone": _off("surrogate_error"),
+    "ratio of sd": lambda c: c.median("std_ratio", ".2f"),
+    "holds truth": lambda c: c.share("holds"),
+    "exact holds truth": lambda c: c.share("exact_holds"),
+    "probability of intervals": _content,
+    "effective of 60": lambda c: c.median("effective", ".0f"),
+    "confirmed": lambda c: c.share("confirmed"),
+}
 # Largest error of a confirmed mean, in standard deviations of the posterior, and largest difference
 # of the probability of intervals from 90 %, which those of the exact posterior have.
 MOST_OFF, MOST_APART = 1.0, 0.05
 
 
+def _cells(rows: Sequence[Row]) -> list[Cell]:
+    found = grouped(rows, "model")
+    return [Cell(name, found[name,]) for name in PROBLEMS if (name,) in found]
+
+
 def _failing(rows: Sequence[Row]) -> Iterator[str]:
-    for name, own in _by_model(rows):
-        confirmed = [row for row in own if row["confirmed"]]
-        if (worst := float(np.abs(_columns(confirmed, "error")).max(initial=0))) > MOST_OFF:
-            yield f"{name}: a mean is off by {worst:.2f} standard deviations"
-        content = float(np.mean([row["content"] for row in own]))
+    for cell in _cells(rows):
+        is_confirmed = cell.values("confirmed")[:, 0] == 1
+        worst = float(np.abs(cell.values("error")[is_confirmed]).max(initial=0))
+        if worst > MOST_OFF:
+            yield f"{cell.name}: a mean is off by {worst:.2f} standard deviations"
+        content = float(cell.values("content").mean())
         if abs(content - (ENDS[1] - ENDS[0])) > MOST_APART:
-            yield f"{name}: by the exact posterior, intervals have the probability {content:.1%}"
+            yield f"{cell.name}: intervals have the probability {content:.1%} by the exact one"
 
 
 TABLE = SeedTable(
-    KEYS,
-    lambda: [(name,) for name in PROBLEMS],
+    {"model": PROBLEMS},
     _rows,
-    {"dear posteriors": _posteriors},
+    {"dear posteriors": lambda rows: table(_cells(rows), COLUMNS)},
     _failing,
     seeds=30,
 )
 
 if __name__ == "__main__":
-    sys.exit(TABLE.main(__doc__))
+    TABLE.main(__doc__)

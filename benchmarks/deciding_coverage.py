@@ -23,6 +23,7 @@ from gaussian_process import ishigami
 from interval_coverage import STUDIES
 from seed_table import fill, lines
 
+from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.labels import REPLICATE, SAMPLING, STATUS
 from uqpen.core.model import Output
 from uqpen.core.sampling import Sampling
@@ -37,8 +38,6 @@ from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
 from uqpen.statistics.stopped_runs import anytime_interval
 from uqpen.study.load import load_study
 from uqpen.workflow import run_design
-
-FloatArray = npt.NDArray[np.float64]
 
 POOL = 1 << 20
 DOUBLINGS = 5
@@ -263,17 +262,13 @@ def worst_of_other_seeds(key: str, kind: int, bounds: FloatArray, truth: float) 
     return float(np.mean(found))
 
 
-def _covering(
-    kind: int, bounds: FloatArray, truth: float
-) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
+def _covering(kind: int, bounds: FloatArray, truth: float) -> tuple[BoolArray, BoolArray]:
     """Return which intervals cover, and which there are, shape (seed, look)."""
     _, lower, upper = np.moveaxis(bounds[:, :, kind], -1, 0)
     return (lower <= truth) & (truth <= upper), np.isfinite(lower) & np.isfinite(upper)
 
 
-def _coverages(
-    key: str, kind: int, bounds: FloatArray, covers: npt.NDArray[np.bool_]
-) -> Iterator[float]:
+def _coverages(key: str, kind: int, bounds: FloatArray, covers: BoolArray) -> Iterator[float]:
     """Yield the coverage in per cent where seeds end at a target, for many targets."""
     estimate, lower, upper = np.moveaxis(bounds[:, :, kind], -1, 0)
     half, std = (upper - lower) / 2, bounds[:, :, 1, 0]
@@ -316,7 +311,7 @@ def _decision_table(seeds: int) -> Iterator[str]:
             yield f"| {name} | {p:.4f} | {claim} | {' | '.join(shown)} |"
 
 
-def _decided(events: npt.NDArray[np.bool_], limit: float, p: float) -> tuple[float, ...]:
+def _decided(events: BoolArray, limit: float, p: float) -> tuple[float, ...]:
     """Return of one seed: right, wrong, undecided, runs, interval covers, wrong by intervals.
 
     At the limit itself "held" is wrong, and "not held" is right.
@@ -335,7 +330,7 @@ def _decided(events: npt.NDArray[np.bool_], limit: float, p: float) -> tuple[flo
     )
 
 
-def _is_wrong_by_intervals(events: npt.NDArray[np.bool_], limit: float, p: float) -> bool:
+def _is_wrong_by_intervals(events: BoolArray, limit: float, p: float) -> bool:
     """Return whether a Clopper-Pearson interval, looked at after every run, errs first."""
     least, most = _decisive_counts(limit)
     counts, runs = events.cumsum(), np.arange(1, len(events) + 1)

@@ -11,31 +11,29 @@ Brynjarsdóttir, J. & O'Hagan, A. (2014). Inverse Problems 30, 114007.
 
 from __future__ import annotations
 
-import sys
-from argparse import Namespace
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from scipy.stats import halfnorm, norm
-from seed_table import Case, Row, SeedTable, lines, per_cent, totals
+from seed_table import Row, SeedTable, share, summed
 
 import uqpen
+from uqpen.core.arrays import FloatArray
 from uqpen.core.streams import Stream
 from uqpen.measurements import Discrepancy, UnknownSize
 
-Array = npt.NDArray[np.float64]
 EFFORT, ERROR, TRUE_THETA = np.linspace(0.2, 4.0, 11), 0.01, 0.65
 MEAN, STD = 0.6, 0.3  # prior of theta
 WHERE = (3.1, 5.0, 6.0, 8.0)
 LEVEL = 0.9
 
 
-def truth(effort: Array) -> Array:
+def truth(effort: FloatArray) -> FloatArray:
     return TRUE_THETA * effort / (1 + effort / 20)
 
 
@@ -58,12 +56,12 @@ SITUATIONS = {
 }
 
 
-def _grid(scale: float, size: int) -> Array:
+def _grid(scale: float, size: int) -> FloatArray:
     """Return numbers at equal shares of a half-normal distribution."""
     return np.asarray(halfnorm.ppf((np.arange(size) + 0.5) / size, scale=scale))
 
 
-def posterior(measured: Array, of: Situation) -> tuple[Array, Array, Array]:
+def posterior(measured: FloatArray, of: Situation) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return weights, means and deviations of theta and the truth at `WHERE`, (grid, quantity)."""
     at = np.array(WHERE)
     sizes = _grid(of.size, 4000) if of.size else np.array([ERROR])
@@ -91,7 +89,7 @@ def posterior(measured: Array, of: Situation) -> tuple[Array, Array, Array]:
     return shares / shares.sum(), np.array(means), np.array(deviations)
 
 
-def holds(weights: Array, means: Array, deviations: Array, value: float) -> bool:
+def holds(weights: FloatArray, means: FloatArray, deviations: FloatArray, value: float) -> bool:
     """Return whether the middle 90 % of a mixture of normal distributions hold a value."""
     below = float(weights @ norm.cdf((value - means) / deviations))
     return (1 - LEVEL) / 2 < below < (1 + LEVEL) / 2
@@ -100,7 +98,7 @@ def holds(weights: Array, means: Array, deviations: Array, value: float) -> bool
 MODEL = "def machine(x, theta):\n    return {'work': theta * x}\n"
 
 
-def study_text(measured: Array, of: Situation, seed: int) -> str:
+def study_text(measured: FloatArray, of: Situation, seed: int) -> str:
     """Return a study of the machine, with blank rows where the truth is to be predicted."""
     text = f"""seed = {seed}
 confidence_level = {LEVEL}
@@ -129,7 +127,7 @@ std = {f"{{ half-normal = {of.size} }}" if of.size else ERROR}
     return f'{text}[designs.fit]\nkind = "posterior"\nmeasured = ["rows"]\n{design}'
 
 
-def _of_study(measured: Array, of: Situation, seed: int) -> Row:
+def _of_study(measured: FloatArray, of: Situation, seed: int) -> Row:
     """Return mean and deviation of theta, and what is held by the intervals of a study."""
     with TemporaryDirectory() as folder:
         Path(folder, "machine.py").write_text(MODEL, encoding="utf-8")
@@ -146,12 +144,12 @@ def _of_study(measured: Array, of: Situation, seed: int) -> Row:
     return {"mean": mean, "std": std, "theta": int(held[0]), **named}
 
 
-def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
-    situation = SITUATIONS[str(case[0])]
+def _rows(name: str, by: str, seeds: Sequence[int]) -> Iterator[Row]:
+    situation = SITUATIONS[name]
     for seed in seeds:
         rng = Stream(seed, "measurements").generator()
         measured = truth(EFFORT) + ERROR * rng.standard_normal(len(EFFORT))
-        if case[1] == "study":
+        if by == "study":
             yield _of_study(measured, situation, seed)
             continue
         weights, means, deviations = posterior(measured, situation)
@@ -164,35 +162,32 @@ def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
         yield {"mean": mean, "std": float(np.sqrt(variance)), "theta": int(held[0]), **named}
 
 
-SUMS = ("count", "mean", "std", "theta", *(f"x {at:g}" for at in WHERE))
+def _held(name: str) -> Callable[[SimpleNamespace], str]:
+    def text(cell: SimpleNamespace) -> str:
+        held = getattr(cell, name)
+        return share(held, cell.count) if held >= 0 else "no interval"
+
+    return text
 
 
-def _page(rows: Sequence[Row]) -> Iterator[str]:
-    head = ["error of the model", "by", "theta (0.65)", "theta held"]
-    head += [f"truth held at x = {at:g}" for at in WHERE]
-    cells = totals(rows, KEYS, SUMS)
-    yield from lines(head, (_line(*key, vars(cell)) for key, cell in cells.items()))
-
-
-def _line(name: str, by: str, cell: dict[str, float]) -> list[str]:
-    count = int(cell["count"])
-    value = f"{cell['mean'] / count:.3f} ± {cell['std'] / count:.3f}"
-    held = (
-        f"{per_cent(int(cell[each]), count)} %" if cell[each] >= 0 else "no interval"
-        for each in SUMS[3:]
-    )
-    return [name, by, value, *held]
-
-
-def _cases() -> Iterator[Case]:
-    # Outside of the measurements, where other priors say something else, a study has no interval.
-    yield from (
-        case for case in product(SITUATIONS, ("grid", "study")) if case != (NARROWER, "study")
-    )
-
-
+COLUMNS = {
+    "error of the model": "discrepancy",
+    "by": "by",
+    "theta (0.65)": lambda c: f"{c.mean / c.count:.3f} ± {c.std / c.count:.3f}",
+    "theta held": _held("theta"),
+    **{f"truth held at x = {at:g}": _held(f"x {at:g}") for at in WHERE},
+}
 KEYS = ("discrepancy", "by")
-TABLE = SeedTable(KEYS, _cases, _rows, {"discrepancy": _page}, seeds=100)
+TABLE = SeedTable(
+    KEYS,
+    _rows,
+    {"discrepancy": summed(COLUMNS, *KEYS)},
+    seeds=100,
+    # Outside of the measurements, where other priors say something else, a study has no interval.
+    cases=lambda: [
+        case for case in product(SITUATIONS, ("grid", "study")) if case != (NARROWER, "study")
+    ],
+)
 
 if __name__ == "__main__":
-    sys.exit(TABLE.main(__doc__))
+    TABLE.main(__doc__)

@@ -12,8 +12,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from uqpen.core.arrays import FloatArray
 from uqpen.core.model import Input, Output
 from uqpen.core.streams import Stream
 from uqpen.designs.one_at_a_time import Morris
@@ -23,8 +23,6 @@ from uqpen.execution import Evaluator, evaluate
 from uqpen.models.python_function import PythonFunction
 from uqpen.statistics.sensitivity.single_steps import effects_by_input, mean_effect
 from uqpen.study.load import load_study
-
-FloatArray = npt.NDArray[np.float64]
 
 STUDIES = Path(__file__).parents[1] / "studies"
 LEVELS = 4

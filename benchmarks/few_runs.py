@@ -7,17 +7,14 @@ are from a million points of a Sobol' sequence.
 
 from __future__ import annotations
 
-import sys
-from argparse import Namespace
 from collections.abc import Iterator, Sequence
 from functools import cache
 from itertools import product
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
-from seed_table import Case, Row, SeedTable, lines
+from seed_table import STUDIES, Row, SeedTable, grouped, lines
 
 from uqpen.core.streams import Stream
 from uqpen.designs.latin_hypercube import LatinHypercube
@@ -33,7 +30,7 @@ from uqpen.surrogates.chaos.polynomial_chaos import PolynomialChaos
 from uqpen.surrogates.fitting import cross_fit
 from uqpen.surrogates.gaussian_process import GaussianProcess
 
-STUDY = load_study(Path(__file__).parents[1] / "studies" / "concrete.toml")
+STUDY = load_study(STUDIES / "concrete.toml")
 (VARIANT,) = STUDY.models.values()
 OUTPUTS = {"penetration_depth": "depth", "projectile_residue": "residue"}
 RUNS = 300
@@ -63,9 +60,8 @@ def _runs(design: Any, stream: Stream) -> xr.Dataset:
     return runs.assign_attrs(sampling=str(design.sampling))
 
 
-def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
+def _rows(design: str, kind: str, seeds: Sequence[int]) -> Iterator[Row]:
     """Yield the corrected mean of each output."""
-    design, kind = map(str, case)
     for seed in seeds:
         stream = Stream(seed, "few runs", design)
         runs, surrogate = _runs(DESIGNS[design], stream), KINDS[kind]
@@ -88,11 +84,9 @@ def _quantities() -> list[QuantityOfInterest]:
 def _page(rows: Sequence[Row]) -> Iterator[str]:
     head = ["design", "surrogate", "output", "seeds", "covers", "half-width, median"]
     head += ["90 % of seeds", "plain", "seeds with a half-width of at most"]
-    of = {
-        key: [row for row in rows if (row["design"], row["kind"], row["output"]) == key]
-        for key in product(DESIGNS, KINDS, OUTPUTS)
-    }
-    yield from lines(head, (_line(found, *key) for key, found in of.items() if found))
+    of = grouped(rows, "design", "kind", "output")
+    cases = product(DESIGNS, KINDS, OUTPUTS)
+    yield from lines(head, (_line(of[key], *key) for key in cases if key in of))
 
 
 def _line(rows: Sequence[Row], design: str, kind: str, output: str) -> list[str]:
@@ -106,9 +100,7 @@ def _line(rows: Sequence[Row], design: str, kind: str, output: str) -> list[str]
     ]
 
 
-TABLE = SeedTable(
-    ("design", "kind"), lambda: product(DESIGNS, KINDS), _rows, {"300 runs": _page}, seeds=100
-)
+TABLE = SeedTable({"design": DESIGNS, "kind": KINDS}, _rows, {"300 runs": _page}, seeds=100)
 
 if __name__ == "__main__":
-    sys.exit(TABLE.main(__doc__))
+    TABLE.main(__doc__)

@@ -7,8 +7,6 @@ index of the whole curve covers in less than 92 %.
 
 from __future__ import annotations
 
-import sys
-from argparse import Namespace
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -16,10 +14,10 @@ from functools import cache
 
 import campbell
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
-from seed_table import LOWEST, Case, Row, SeedTable, lines, totals
+from seed_table import LOWEST, Row, SeedTable, lines, totals
 
+from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import INTERVAL_LABEL
 from uqpen.core.model import Dimension
 from uqpen.designs.design import Design
@@ -28,8 +26,6 @@ from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.saltelli import Saltelli
 from uqpen.statistics.analyze import analyze
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-
-FloatArray = npt.NDArray[np.float64]
 
 NAMES = ("x1", "x2", "x3", "x4")
 EVERY = 10
@@ -57,12 +53,12 @@ def _truths() -> dict[str, FloatArray]:
     return found
 
 
-def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
+def _rows(design: str, seeds: Sequence[int]) -> Iterator[Row]:
     """Yield how many intervals cover, by statistic, place and input; the place of a curve is 0."""
     quantity = QuantityOfInterest(CURVE, "1")
     found: defaultdict[tuple[str, str], list[FloatArray]] = defaultdict(list)
     for seed in seeds:
-        runs = campbell.runs_of(DESIGNS[str(case[0])], seed)
+        runs = campbell.runs_of(DESIGNS[design], seed)
         values = xr.Variable(("run", ANGLES.name), runs[CURVE.name].values[:, ::EVERY])
         runs = runs.drop_vars(CURVE.name).drop_dims(ANGLES.name, errors="ignore")
         arrays = analyze(runs.assign({CURVE.name: values}), [quantity], only=["sensitivity"])
@@ -78,7 +74,7 @@ def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
 
 def _shares(rows: Sequence[Row]) -> Iterator[tuple[tuple[str, str, str], FloatArray]]:
     """Yield the share of intervals that cover, shape (place, input), by design and statistic."""
-    cells = totals(rows, ("design", "statistic", "label", "place"), ("count", *NAMES))
+    cells = totals(rows, "design", "statistic", "label", "place")
     for key in dict.fromkeys(key[:3] for key in cells):
         own = [cell for each, cell in cells.items() if each[:3] == key]
         yield key, np.array([[getattr(c, name) / c.count for name in NAMES] for c in own])
@@ -97,8 +93,8 @@ def _page(rows: Sequence[Row]) -> Iterator[str]:
         of.append([design, title, *inputs, label])
     yield from lines(["design", "index", *NAMES, "label"], of)
     yield ""
-    seeds = totals(rows, ("design", "statistic", "label", "place"), ("count",)).values()
-    yield f"Seeds: {max(cell.count for cell in seeds)}."
+    cells = totals(rows, "design", "statistic", "label", "place").values()
+    yield f"Seeds: {max(cell.count for cell in cells)}."
 
 
 def _failing(rows: Sequence[Row]) -> Iterator[str]:
@@ -108,8 +104,7 @@ def _failing(rows: Sequence[Row]) -> Iterator[str]:
 
 
 TABLE = SeedTable(
-    ("design",),
-    lambda: ((each,) for each in DESIGNS),
+    {"design": DESIGNS},
     _rows,
     {"indices of fields": _page},
     _failing,
@@ -118,4 +113,4 @@ TABLE = SeedTable(
 )
 
 if __name__ == "__main__":
-    sys.exit(TABLE.main(__doc__))
+    TABLE.main(__doc__)

@@ -16,15 +16,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from scipy.stats import qmc
 from seed_table import fill
 
+from uqpen.core.arrays import FloatArray
 from uqpen.distributions.univariate import Uniform
 from uqpen.surrogates.gaussian_process import GaussianProcess
 from uqpen.surrogates.gaussian_process_fit import StandardisedInputs
-
-FloatArray = npt.NDArray[np.float64]
 
 HEAD = (
     "| function | runs | unexplained | 1 - Q², runs left out | intervals hold, % | fit, s |",

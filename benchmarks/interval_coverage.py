@@ -12,27 +12,26 @@ from __future__ import annotations
 
 import itertools
 import math
-import sys
-from argparse import ArgumentParser, Namespace
+from argparse import ArgumentParser
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
+from problems import independent, runs_of
 from scipy import stats
 from scipy.stats import qmc
-from seed_table import FEWEST, LOWEST, Case, Row, SeedTable, lines, totals
+from seed_table import FEWEST, LOWEST, STUDIES, Row, SeedTable, counted, lines, totals
 
 from uqpen.archive.estimates import interval_text
+from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import BOUNDS, INTERVAL_LABEL, NOTE, RUN, SAMPLING
 from uqpen.core.lookup import resolve
-from uqpen.core.model import Input, Model, Output
+from uqpen.core.model import Input, Output
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
@@ -40,12 +39,11 @@ from uqpen.designs.design import Design
 from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.quasi_monte_carlo import SobolSequence
-from uqpen.designs.rounds import run_rounds
 from uqpen.designs.saltelli import Saltelli
 from uqpen.distributions.constraints import parse_constraint
-from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
-from uqpen.distributions.univariate import Distribution, Normal, Uniform
-from uqpen.execution import Evaluator, evaluate, join_rounds
+from uqpen.distributions.joint_distribution import JointDistribution
+from uqpen.distributions.univariate import Normal, Uniform
+from uqpen.execution import Evaluator, evaluate
 from uqpen.models.known_functions import Ishigami
 from uqpen.models.python_function import PythonFunction
 from uqpen.statistics import ANALYSES
@@ -55,9 +53,6 @@ from uqpen.statistics.sensitivity.given_data import first_order
 from uqpen.statistics.sensitivity.sobol_indices import sobol_indices
 from uqpen.study.load import load_study
 
-FloatArray = npt.NDArray[np.float64]
-
-STUDIES = Path(__file__).parents[1] / "studies"
 REFERENCE_EXPONENT = 22
 REFERENCE_SEED = 20_010
 
@@ -66,6 +61,7 @@ LABELS = ("nominal", "discrete", "conservative")
 # Intervals without a note and with one, those that cover, and labels of the first.
 SUMS = ("given", "covers", "warned", "warned_covers", *LABELS)
 
+NAMES = ("x1", "x2", "x3")
 QUANTILES = (0.05, 0.5, 0.95, 0.99)
 HOLDS = (0.95, 0.99)
 # Where the distribution function is looked at for a value fixed beforehand.
@@ -136,18 +132,23 @@ def _problem(name: str) -> Problem:
     return PROBLEMS[name]()
 
 
-def _rows(case: Case, seeds: Sequence[int], options: Namespace) -> Iterator[Row]:
+def _rows(
+    name: str, design: str, runs: int, seeds: Sequence[int], statistics: Sequence[str]
+) -> Iterator[Row]:
     """Yield the counts of each statistic of a problem, design and number of runs."""
-    problem, runs = _problem(str(case[0])), int(case[2])
-    design = DESIGNS[str(case[1])](runs, len(problem.law.random))
+    problem = _problem(name)
+    drawn_by = DESIGNS[design](runs, len(problem.law.random))
     counts: dict[str, Counter[str]] = {}
     for seed in seeds:
-        made = _runs(problem, design, seed)
+        stream = Stream(seed, "designs", "coverage")
+        made = runs_of(
+            drawn_by, problem.law, stream, lambda points: evaluate(problem.evaluator, points, {})
+        )
         drawn = input_sample(made)
-        for name in options.statistics:
+        for part in statistics:
             # Indices need whole blocks; all else is of those points that are drawn from the law.
-            of = made if name == "sensitivity" else drawn
-            for statistic, cell in STATISTICS[name](problem, of):
+            of = made if part == "sensitivity" else drawn
+            for statistic, cell in STATISTICS[part](problem, of):
                 count = counts.setdefault(statistic, Counter())
                 if cell.warns:
                     count["warned"] += 1
@@ -157,19 +158,7 @@ def _rows(case: Case, seeds: Sequence[int], options: Namespace) -> Iterator[Row]
                     count["covers"] += bool(cell.covers)
                     count[cell.label] += 1
     for statistic, count in counts.items():
-        yield {"statistic": statistic} | {name: count[name] for name in SUMS}
-
-
-def _runs(problem: Problem, design: Design, seed: int) -> xr.Dataset:
-    """All runs of a design, round by round."""
-    rounds = run_rounds(
-        design,
-        problem.law,
-        Stream(seed, "designs", "coverage"),
-        lambda points, _: {"": evaluate(problem.evaluator, points, {})},
-    )
-    runs = join_rounds([each[""] for each in rounds])
-    return runs.assign_attrs({SAMPLING: str(design.sampling)})
+        yield {"statistic": statistic} | {each: count[each] for each in SUMS}
 
 
 def _moments(problem: Problem, runs: xr.Dataset) -> Iterator[tuple[str, Cell]]:
@@ -316,13 +305,11 @@ def _held(
 def _cells(rows: Sequence[Row]) -> list[SimpleNamespace]:
     """Return the sums of each cell, with its keys and its verdict, in the order of the cases."""
     keys = ("problem", "design", "runs", "statistic")
-    order = {case: number for number, case in enumerate(_cases())}
-    found = totals(rows, keys, ("count", *SUMS)).items()
-    cells = []
-    for key, sums in sorted(found, key=lambda each: order[each[0][:3]]):
-        cells.append(SimpleNamespace(**dict(zip(keys, key, strict=True)), **vars(sums)))
-        cells[-1].verdict = _verdict(cells[-1])
-    return cells
+    order = {case: number for number, case in enumerate(itertools.product(*CASES.values()))}
+    found = totals(rows, *keys)
+    for cell in found.values():
+        cell.verdict = _verdict(cell)
+    return [found[key] for key in sorted(found, key=lambda key: order[key[:3]])]
 
 
 def _verdict(cell: SimpleNamespace) -> str:
@@ -366,14 +353,14 @@ def _certain_table(rows: Sequence[Row]) -> Iterator[str]:
     yield from _grid(cells, _certain)
     seeds = max(cell.count for cell in cells)
     fewer = {
-        f"{_counted(cell.count)} of {cell.problem} with {cell.design}"
+        f"{counted(cell.count)} of {cell.problem} with {cell.design}"
         for cell in cells
         if cell.count < seeds
     }
     but = f" (but {', '.join(sorted(fewer))})" if fewer else ""
     error = 100 * math.sqrt(0.95 * 0.05 / seeds)
     yield ""
-    yield f"Seeds of a problem, design and size: {_counted(seeds)}{but}. The standard error of a"
+    yield f"Seeds of a problem, design and size: {counted(seeds)}{but}. The standard error of a"
     yield f"single coverage is {error:.1f} points."
 
 
@@ -439,7 +426,7 @@ def _by_size(cells: Sequence[SimpleNamespace], part: str, whole: str) -> Iterato
     for key, found in groups.items():
         by_size = ([cell for cell in found if cell.runs == size] for size in sizes)
         of.append([*key, *(_with_seeds(each, part, whole) for each in by_size)])
-    head = ["problem", "statistic", "design", *(f"{_counted(size)} runs" for size in sizes)]
+    head = ["problem", "statistic", "design", *(f"{counted(size)} runs" for size in sizes)]
     yield from lines(head, of)
 
 
@@ -450,11 +437,7 @@ def _with_seeds(cells: Sequence[SimpleNamespace], part: str, whole: str) -> str:
     fewest = min(getattr(cell, whole) for cell in cells)
     text = _span(cells, part, whole)
     is_all = fewest == min(cell.count for cell in cells)
-    return text if is_all else f"{text} (of {_counted(fewest)} seeds or more)"
-
-
-def _counted(number: int) -> str:
-    return f"{number:,}".replace(",", " ")
+    return text if is_all else f"{text} (of {counted(fewest)} seeds or more)"
 
 
 def _failing(rows: Sequence[Row]) -> Iterator[str]:
@@ -511,7 +494,7 @@ def _ishigami() -> Problem:
     a, b = model.a, model.b
     variance = 0.5 + a**2 / 8 + b * math.pi**4 / 5 + b**2 * math.pi**8 / 18
     evaluator = Evaluator(model)
-    joint = _law(model, [Uniform(-math.pi, math.pi)] * 3)
+    joint = independent(**dict.fromkeys(NAMES, Uniform(-math.pi, math.pi)))
     drawn = _empirical(np.sort(_reference(evaluator, joint)["y"]))
     wave = b**2 * math.pi**8 / 18 - b**2 * math.pi**8 / 50
     first = (variance - a**2 / 8 - wave, a**2 / 8, 0.0)
@@ -528,7 +511,7 @@ def _additive() -> Problem:
     """A sum of normal inputs is normal."""
     model = _function("additive", lambda x1, x2, x3: {"y": x1 + x2 + x3})
     deviations = (1.0, 2.0, 0.5)
-    joint = _law(model, [Normal(0.0, deviation) for deviation in deviations])
+    joint = independent(**{x: Normal(0.0, std) for x, std in zip(NAMES, deviations, strict=True)})
     std = math.hypot(*deviations)
     exact = stats.norm(0.0, std)
     shares = [deviation**2 / std**2 for deviation in deviations]
@@ -548,7 +531,7 @@ def _step() -> Problem:
     model = _function(
         "step", lambda x1, x2, x3: {"y": _RISE * (np.asarray(x1) + x2 > _EDGE) + np.square(x3)}
     )
-    joint = _law(model, [Uniform(0.0, 1.0)] * 3)
+    joint = independent(**dict.fromkeys(NAMES, Uniform(0.0, 1.0)))
     # Given one of the first two inputs, the jump has the probability 0 or one that is uniform up to
     # the width of the other's part beyond the edge.
     width = 2 - _EDGE
@@ -579,7 +562,7 @@ def _jumps() -> Problem:
         "jumps",
         lambda x1, x2, x3: {"y": (np.asarray(x1) > 0.7) * (3.0 + 2.0 * (x2 > 0.4)) + x3},
     )
-    joint = _law(model, [Uniform(0.0, 1.0)] * 3)
+    joint = independent(**dict.fromkeys(NAMES, Uniform(0.0, 1.0)))
     heights, weights = np.array([0.0, 3.0, 5.0]), np.array([0.7, 0.12, 0.18])
     mean = float(weights @ heights)
     jumping = float(weights @ heights**2) - mean**2
@@ -611,7 +594,7 @@ def _uniform_over(heights: FloatArray, weights: FloatArray, p: FloatArray) -> Fl
 def _single_input() -> Problem:
     """A uniform input as it is: over strata, shares err by no more than counting whole runs."""
     model = _function("single input", lambda x1: {"y": x1}, names=("x1",))
-    joint = _law(model, [Uniform(0.0, 1.0)])
+    joint = independent(x1=Uniform(0.0, 1.0))
     exact = stats.uniform()
     indices = {"first_order": (1.0,), "total_order": (1.0,)}
     truth = Truth(0.5, math.sqrt(1 / 12), exact.cdf, exact.ppf, indices=indices)
@@ -622,8 +605,8 @@ def _single_input() -> Problem:
 
 def _half_lost() -> Problem:
     """A sum of two uniform inputs, of which the first is to be larger: a triangular law."""
-    model = _function("half lost", lambda x1, x2: {"y": x1 + x2}, names=("x1", "x2"))
-    joint = _law(model, [Uniform(0.0, 1.0)] * 2)
+    model = _function("half lost", lambda x1, x2: {"y": x1 + x2}, names=NAMES[:2])
+    joint = independent(**dict.fromkeys(NAMES[:2], Uniform(0.0, 1.0)))
     larger = parse_constraint("x1 > x2", {"x1": "1", "x2": "1"})
     exact = stats.triang(0.5, 0.0, 2.0)
     # Given x1, the sum is x1 + x1 / 2 in the mean; given x2, x1 is uniform above it.
@@ -646,19 +629,11 @@ PROBLEMS: dict[str, Callable[[], Problem]] = {
 def _function(
     name: str,
     function: Callable[..., Mapping[str, Any]],
-    names: tuple[str, ...] = ("x1", "x2", "x3"),
+    names: tuple[str, ...] = NAMES,
 ) -> PythonFunction:
     inputs = tuple(Input(name, "1") for name in names)
     units = dict.fromkeys((*names, "y"), "1")
     return PythonFunction(function, name, inputs, (Output("y", "1"),), units, vectorized=True)
-
-
-def _law(model: Model, distributions: Sequence[Distribution]) -> JointDistribution:
-    entries = tuple(
-        RandomInput(variable, distribution, variable.unit)
-        for variable, distribution in zip(model.inputs, distributions, strict=True)
-    )
-    return JointDistribution(entries, tuple(model.inputs))
 
 
 def _beyond(truth: Truth) -> tuple[float, ...]:
@@ -692,13 +667,9 @@ def _empirical(ordered: FloatArray) -> Truth:
     )
 
 
-def _cases() -> Iterator[tuple[str, str, int]]:
-    yield from itertools.product(PROBLEMS, DESIGNS, (100, 1000, 10_000))
-
-
+CASES = {"problem": PROBLEMS, "design": DESIGNS, "runs": (100, 1000, 10_000)}
 TABLE = SeedTable(
-    ("problem", "design", "runs"),
-    _cases,
+    CASES,
     _rows,
     {
         "coverage": _certain_table,
@@ -712,4 +683,4 @@ TABLE = SeedTable(
 )
 
 if __name__ == "__main__":
-    sys.exit(TABLE.main(__doc__))
+    TABLE.main(__doc__)

@@ -7,33 +7,28 @@ whose indices are known. Beside each figure stands that with bins of 16 runs.
 from __future__ import annotations
 
 import math
-import sys
-from argparse import Namespace
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from itertools import product
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from gaussian_process import ishigami
-from seed_table import Case, Row, SeedTable, lines, per_cent, totals
+from problems import independent
+from seed_table import Row, SeedTable, counted, per_cent, summed
 
-from uqpen.core.model import Input, Output
+from uqpen.core.arrays import FloatArray
+from uqpen.core.model import Output
 from uqpen.core.sampling import Sampling
 from uqpen.core.streams import Stream
 from uqpen.designs.drawn_points import points_in_memory
 from uqpen.designs.monte_carlo import MonteCarlo
-from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
 from uqpen.distributions.univariate import Uniform
 from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
 from uqpen.statistics.sensitivity import local_regression
 from uqpen.statistics.sensitivity.given_data import first_order
-
-FloatArray = npt.NDArray[np.float64]
 
 NAMES = ("x1", "x2", "x3")
 QUANTITY = QuantityOfInterest(Output("y", "1"), "1")
@@ -69,9 +64,7 @@ PROBLEMS: dict[str, tuple[Callable[[FloatArray], FloatArray], tuple[float, ...]]
 
 
 def drawn(runs: int, seed: int) -> Sample:
-    variables = tuple(Input(name, "1") for name in NAMES)
-    law = Uniform(0.0, 1.0)
-    joint = JointDistribution(tuple(RandomInput(each, law, "1") for each in variables), variables)
+    joint = independent(**dict.fromkeys(NAMES, Uniform(0.0, 1.0)))
     made = points_in_memory(next(MonteCarlo(runs=runs).rounds(joint, Stream(seed))))
     points = np.column_stack([made[name].values for name in NAMES])
     everything = np.arange(len(points))
@@ -99,12 +92,12 @@ def estimates(sample: Sample, function: Callable[[FloatArray], FloatArray]) -> F
     return np.asarray(found)
 
 
-def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
+def _rows(runs: int, problem: str, seeds: Sequence[int]) -> Iterator[Row]:
     """Yield how many intervals of an input cover, and their half-widths added up."""
-    function, exact = PROBLEMS[str(case[1])]
+    function, exact = PROBLEMS[problem]
     found: tuple[list[FloatArray], list[FloatArray]] = ([], [])
     for seed in seeds:
-        sample = drawn(int(case[0]), seed)
+        sample = drawn(runs, seed)
         found[0].append(estimates(sample, function))
         with small_bins():
             found[1].append(estimates(sample, function))
@@ -117,27 +110,22 @@ def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
         yield row
 
 
-def _page(rows: Sequence[Row]) -> Iterator[str]:
-    head = ["runs", "function", "input", "coverage", "coverage, bins of 16", "half-width"]
-    sums = ("count", "covers", "covers_of_16", "width", "width_of_16")
-    cells = totals(rows, ("runs", "problem", "input"), sums).items()
-    of = (
-        [f"{runs:,}".replace(",", " "), *names]
-        + [per_cent(each, cell.count) for each in (cell.covers, cell.covers_of_16)]
-        + [f"{each / cell.count:.4f}" for each in (cell.width, cell.width_of_16)]
-        for (runs, *names), cell in cells
-    )
-    yield from lines([*head, "half-width, bins of 16"], of)
-
-
+COLUMNS = {
+    "runs": lambda c: counted(c.runs),
+    "function": "problem",
+    "input": "input",
+    "coverage": lambda c: per_cent(c.covers, c.count),
+    "coverage, bins of 16": lambda c: per_cent(c.covers_of_16, c.count),
+    "half-width": lambda c: f"{c.width / c.count:.4f}",
+    "half-width, bins of 16": lambda c: f"{c.width_of_16 / c.count:.4f}",
+}
 TABLE = SeedTable(
-    ("runs", "problem"),
-    lambda: product((30_000, 100_000), PROBLEMS),
+    {"runs": (30_000, 100_000), "problem": PROBLEMS},
     _rows,
-    {"many runs": _page},
+    {"many runs": summed(COLUMNS, "runs", "problem", "input")},
     seeds=400,
     at_once=10,
 )
 
 if __name__ == "__main__":
-    sys.exit(TABLE.main(__doc__))
+    TABLE.main(__doc__)

@@ -6,24 +6,21 @@ measurements with normal errors; what a study says of the errors is right or wro
 
 from __future__ import annotations
 
-import sys
-from argparse import Namespace
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
-from seed_table import Case, Row, SeedTable, lines, per_cent, totals
+import xarray as xr
+from problems import independent, runs_of, with_output
+from seed_table import Row, SeedTable, share_of, summed
 
-from uqpen.core.labels import RUN, STATUS
-from uqpen.core.model import Input, Output
+from uqpen.core.arrays import FloatArray
+from uqpen.core.labels import RUN
+from uqpen.core.model import Output
 from uqpen.core.streams import Stream
 from uqpen.designs.least_squares import LeastSquares
-from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
 from uqpen.distributions.univariate import Normal
-from uqpen.execution import join_rounds
 from uqpen.measurements import (
     Experiments,
     MeasuredOutput,
@@ -33,22 +30,21 @@ from uqpen.measurements import (
 )
 from uqpen.statistics.calibration import fit_statistics
 
-Array = npt.NDArray[np.float64]
 LEVEL, TRUTH = 0.9, 1.0
 
 
 class Situation(NamedTuple):
     """Experiments at conditions x, and the model of what is measured there."""
 
-    x: Array
-    model: Callable[..., Array]  # of the unknown, x and what varies
-    noise: Callable[[np.random.Generator, Array], Array]  # errors about values of the model
-    errors: Callable[[Array, Array], MeasurementErrors]  # as stated, of x and of measured values
+    x: FloatArray
+    model: Callable[..., FloatArray]  # of the unknown, x and what varies
+    noise: Callable[..., FloatArray]  # errors about values of the model
+    errors: Callable[..., MeasurementErrors]  # as stated, of x and of measured values
     varies: float = 0.0  # standard deviation of an input that varies about 1
     is_stated: bool = True  # whether it is said to vary
 
 
-def _line(theta: Array, x: Array, strength: Array) -> Array:
+def _line(theta: FloatArray, x: FloatArray, strength: FloatArray) -> FloatArray:
     return theta * x / strength
 
 
@@ -56,11 +52,11 @@ def _stated(std: float, share: float = 0.0, **others: Any) -> Callable[..., Meas
     return lambda x, y: MeasurementErrors(0 * x + std, 0 * x + share, **others)
 
 
-def _shared(rng: np.random.Generator, f: Array) -> Array:
+def _shared(rng: np.random.Generator, f: FloatArray) -> FloatArray:
     return 0.1 * rng.standard_normal(len(f)) + 0.3 * np.repeat(rng.standard_normal(4), 3)
 
 
-def _curve(rng: np.random.Generator, f: Array) -> Array:
+def _curve(rng: np.random.Generator, f: FloatArray) -> FloatArray:
     distance = np.abs(np.subtract.outer(np.arange(len(f)), np.arange(len(f))))
     lower = np.linalg.cholesky(0.9**distance)
     return 0.1 * lower @ rng.standard_normal(len(f))
@@ -102,12 +98,12 @@ SITUATIONS = {
     ),
     "size unknown": Situation(
         _ROWS, _line, lambda rng, f: 0.1 * rng.standard_normal(len(f)),
-        _stated(0.0, size=UnknownSize("std of y", 1.0)),
+        _stated(0.0, size=UnknownSize("std of y", 1.0, "1", "")),
     ),
     "size unknown beside 5 %": Situation(
         _ROWS, _line,
         lambda rng, f: np.hypot(0.1, 0.05 * f) * rng.standard_normal(len(f)),
-        _stated(0.0, 0.05, size=UnknownSize("std of y", 1.0)),
+        _stated(0.0, 0.05, size=UnknownSize("std of y", 1.0, "1", "")),
     ),
 }  # fmt: skip
 
@@ -127,32 +123,21 @@ def interval(seed: int, situation: Situation) -> tuple[float, float, float, int]
     section = MeasuredOutputs("rows", ("theta",), varies, fixed, {"x": x}, {}, (measured,), len(x))
     design = LeastSquares(measured=("rows",), profile=False)
     design = replace(design, experiments=Experiments((section,)))
-    variables = tuple(Input(name, "1", "") for name in ("theta", "strength", "x"))
-    spreads = (0.5, situation.varies or 0.1, 1.0)
-    joint = JointDistribution(
-        tuple(
-            RandomInput(each, Normal(1.0, std), "1")
-            for each, std in zip(variables, spreads, strict=True)
-        ),
-        variables,
+    joint = independent(
+        theta=Normal(1.0, 0.5), strength=Normal(1.0, situation.varies or 0.1), x=Normal(1.0, 1.0)
     )
-    rounds = design.rounds(joint, Stream(seed, "designs", "fit"))
-    made, points = [], next(rounds)
-    while True:
-        results = situation.model(*(points[each].values for each in ("theta", "x", "strength")))
-        status = np.zeros(len(results), np.int8)
-        made.append(points.assign({"y": (RUN, results), STATUS: (RUN, status)}))
-        try:
-            points = rounds.send(SimpleNamespace(runs={"": made[-1]}))
-        except StopIteration:
-            break
-    runs = join_rounds(made, range(len(made)))
+
+    def make(points: xr.Dataset) -> xr.Dataset:
+        columns = (points[each].values for each in ("theta", "x", "strength"))
+        return with_output(points, situation.model(*columns))
+
+    runs = runs_of(design, joint, Stream(seed, "designs", "fit"), make)
     found = dict(fit_statistics(design, joint, runs, LEVEL))["unknown_value"].values[0]
     return (*found.tolist(), runs.sizes[RUN] // len(x))
 
 
-def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
-    found = np.array([interval(seed, SITUATIONS[str(case[0])]) for seed in seeds])
+def _rows(errors: str, seeds: Sequence[int]) -> Iterator[Row]:
+    found = np.array([interval(seed, SITUATIONS[errors]) for seed in seeds])
     value, lower, upper, points = found.T
     yield {
         "covers": int(((lower <= TRUTH) & (upper >= TRUTH)).sum()),
@@ -162,26 +147,21 @@ def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
     }
 
 
-SUMS = ("count", "covers", "off", "width", "points")
-
-
-def _page(rows: Sequence[Row]) -> Iterator[str]:
-    head = ["errors", "data sets", "90 % intervals hold", "bias", "mean width", "points"]
-    cells = totals(rows, KEYS, SUMS)
-    yield from lines(head, (_line_of(*key, cell) for key, cell in cells.items()))
-
-
-def _line_of(name: str, cell: Any) -> list[str]:
-    means = (cell.off / cell.count, cell.width / cell.count, cell.points / cell.count)
-    off, width, points = means
-    held = f"{per_cent(cell.covers, cell.count)} %"
-    return [name, f"{cell.count}", held, f"{off:+.1%}", f"{width:.3f}", f"{points:.0f}"]
-
-
-KEYS = ("errors",)
+COLUMNS = {
+    "errors": "errors",
+    "data sets": "count",
+    "90 % intervals hold": share_of("covers"),
+    "bias": lambda c: f"{c.off / c.count:+.1%}",
+    "mean width": lambda c: f"{c.width / c.count:.3f}",
+    "points": lambda c: f"{c.points / c.count:.0f}",
+}
 TABLE = SeedTable(
-    KEYS, lambda: ((name,) for name in SITUATIONS), _rows, {"errors": _page}, seeds=500, at_once=50
+    {"errors": SITUATIONS},
+    _rows,
+    {"errors": summed(COLUMNS, "errors")},
+    seeds=500,
+    at_once=50,
 )
 
 if __name__ == "__main__":
-    sys.exit(TABLE.main(__doc__))
+    TABLE.main(__doc__)

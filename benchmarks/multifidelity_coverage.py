@@ -7,23 +7,29 @@ those of a Sobol' sequence. A cell fails below 92 %.
 
 from __future__ import annotations
 
-import sys
-from argparse import Namespace
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
-from pathlib import Path
 from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
+from problems import independent, with_output
 from scipy.stats import qmc
-from seed_table import FEWEST, Case, Row, SeedTable, lines, per_cent, too_seldom, totals
+from seed_table import (
+    FEWEST,
+    STUDIES,
+    Row,
+    SeedTable,
+    lines,
+    per_cent,
+    too_seldom,
+    totals,
+)
 
-import uqpen
-from uqpen.core.labels import ROLE, RUN, SAMPLING, STATUS
+from uqpen.core.arrays import FloatArray
+from uqpen.core.labels import RUN, SAMPLING
 from uqpen.core.model import Model, Output
 from uqpen.core.sampling import Sampling
 from uqpen.core.streams import Stream
@@ -32,6 +38,7 @@ from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.multifidelity import Multifidelity
 from uqpen.designs.rounds import run_rounds
 from uqpen.distributions.joint_distribution import JointDistribution
+from uqpen.distributions.univariate import Uniform
 from uqpen.execution import join_rounds
 from uqpen.models.rod_models import RigidPenetration
 from uqpen.models.walker_anderson import WalkerAnderson
@@ -42,7 +49,6 @@ from uqpen.statistics.control_variates import (
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
 from uqpen.study.load import load_study
 
-FloatArray = npt.NDArray[np.float64]
 Columns = Mapping[str, FloatArray]
 
 QUANTILES = (0.05, 0.5, 0.95)
@@ -55,7 +61,7 @@ STATISTICS = (
 )
 PILOT = 50
 
-ROD = load_study(Path(__file__).parents[1] / "studies" / "concrete.toml").joint
+ROD = load_study(STUDIES / "concrete.toml").joint
 
 
 class Problem(NamedTuple):
@@ -66,15 +72,6 @@ class Problem(NamedTuple):
     costs: tuple[float, ...]
     inputs: JointDistribution
     budgets: tuple[int, ...]
-
-
-def _uniform(lower: float, upper: float, *names: str) -> JointDistribution:
-    law = uqpen.Uniform(lower, upper)
-    designs = {"mc": uqpen.MonteCarlo(1)}
-    study = uqpen.Study(
-        lambda **x: {"y": 0.0}, dict.fromkeys(names, law), {"y": "1"}, designs, seed=0
-    )
-    return study.joint
 
 
 def _power(exponent: int) -> Callable[[Columns], FloatArray]:
@@ -96,14 +93,14 @@ PROBLEMS = {
         "x⁵ by x⁴, x³, x², x (costs 0.1 to 0.0001)",
         {f"x{power}": _power(power) for power in (5, 4, 3, 2, 1)},
         (1, 0.1, 0.01, 0.001, 0.0001),
-        _uniform(0, 1, "x1"),
+        independent(x1=Uniform(0.0, 1.0)),
         (200,),
     ),
     "ishigami": Problem(
         "Ishigami by two of its kind (costs 0.05, 0.001)",
         {"f1": _ishigami(5, 0.1, 4), "f2": _ishigami(4.75, 0.1, 4), "f3": _ishigami(3, 0.9, 2)},
         (1, 0.05, 0.001),
-        _uniform(-np.pi, np.pi, "x1", "x2", "x3"),
+        independent(**dict.fromkeys(("x1", "x2", "x3"), Uniform(-np.pi, np.pi))),
         (200,),
     ),
     "rod": Problem(
@@ -148,12 +145,11 @@ def _truth(name: str) -> Truth:
     return Truth.of(PROBLEMS[name])
 
 
-def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
+def _rows(name: str, budget: int, seeds: Sequence[int]) -> Iterator[Row]:
     """Yield the numbers of intervals, of those that cover, and their widths added up."""
-    name, budget = case
     found: dict[str, list[Interval]] = defaultdict(list)
     for seed in seeds:
-        for interval in _intervals(PROBLEMS[str(name)], _truth(str(name)), int(budget), seed):
+        for interval in _intervals(PROBLEMS[name], _truth(name), budget, seed):
             found[interval.statistic].append(interval)
     for statistic in STATISTICS:
         intervals = found[statistic]
@@ -206,9 +202,7 @@ def _runs(problem: Problem, design: Multifidelity, stream: Stream) -> dict[str, 
 
 
 def _made(problem: Problem, name: str, points: xr.Dataset) -> xr.Dataset:
-    values = problem.models[name](_columns(points))
-    status = np.where(np.isfinite(values), 0, 1).astype(np.int8)
-    made = points.assign({"y": (RUN, values, {ROLE: "output"}), STATUS: (RUN, status)})
+    made = with_output(points, problem.models[name](_columns(points)))
     return made.assign_attrs({SAMPLING: str(Sampling.INDEPENDENT)})
 
 
@@ -229,8 +223,7 @@ def _bounds(found: Mapping[str, xr.DataArray]) -> dict[str, tuple[float, float]]
 
 
 def _cells(rows: Sequence[Row]) -> dict[tuple[str, int, str], SimpleNamespace]:
-    sums = ("count", "intervals", "covers", "width", "plain_width")
-    return totals(rows, ("problem", "budget", "statistic"), sums)
+    return totals(rows, "problem", "budget", "statistic")
 
 
 def _page(rows: Sequence[Row]) -> Iterator[str]:
@@ -261,12 +254,12 @@ def _cases() -> Iterator[tuple[str, int]]:
 
 TABLE = SeedTable(
     ("problem", "budget"),
-    _cases,
     _rows,
     {"stand-ins": _page},
     lambda rows: too_seldom(_cells(rows)),
     at_once=25,
+    cases=_cases,
 )
 
 if __name__ == "__main__":
-    sys.exit(TABLE.main(__doc__))
+    TABLE.main(__doc__)

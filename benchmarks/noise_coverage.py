@@ -11,21 +11,18 @@ from __future__ import annotations
 
 import math
 import re
-import sys
 import tempfile
-from argparse import Namespace
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property, lru_cache
-from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
-from seed_table import FEWEST, LOWEST, Case, Row, SeedTable, lines, per_cent, totals
+from seed_table import FEWEST, LOWEST, Row, SeedTable, lines, per_cent, totals
 
 import uqpen
+from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.model import Output
 from uqpen.core.sampling import Sampling
 from uqpen.core.streams import Stream
@@ -53,7 +50,6 @@ from uqpen.surrogates.fitting import cross_fit, fit_surrogate
 from uqpen.surrogates.gaussian_process import GaussianProcess
 from uqpen.surrogates.gaussian_process_fit import StandardisedInputs
 
-FloatArray = npt.NDArray[np.float64]
 Draw = Callable[[np.random.Generator, FloatArray], FloatArray]
 
 QUANTITY = QuantityOfInterest(Output("y", "1"), "1")
@@ -425,7 +421,7 @@ def _surrogate_estimates(
 
 def _predictions(
     of: NoisyModel, rng: np.random.Generator, size: str
-) -> Iterator[tuple[str, npt.NDArray[np.bool_]]]:
+) -> Iterator[tuple[str, BoolArray]]:
     """Yield how often ± 1.96 deviations hold the mean and, by the noise, a run."""
     points, repeats = map(int, size.split(" × "))
     u, new = rng.random((points, of.inputs)), rng.random((PREDICTED, of.inputs))
@@ -460,9 +456,8 @@ def _estimated(
             yield from _estimates(of, Stream(seed, "noise").generator(name, design), size)
 
 
-def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
+def _rows(name: str, design: str, seeds: Sequence[int]) -> Iterator[Row]:
     """Yield the numbers of intervals of some seeds, and of those that cover."""
-    name, design = map(str, case)
     if design in SURROGATES:
         seeds = [seed for seed in seeds if seed < SURROGATE_SEEDS]
     cells: defaultdict[str, Counter[str]] = defaultdict(Counter)
@@ -525,7 +520,7 @@ def _of_input(found: Estimate, column: int) -> Estimate:
 
 
 def _cells(rows: Sequence[Row]) -> dict[tuple[Any, ...], Any]:
-    return totals(rows, ("model", "design", "statistic"), ("count", *COUNTS))
+    return totals(rows, "model", "design", "statistic")
 
 
 def _points(design: str) -> int:
@@ -608,8 +603,7 @@ def _text(cells: Sequence[Any]) -> str:
 
 
 TABLE = SeedTable(
-    ("model", "design"),
-    lambda: product(MODELS, DESIGNS | SURROGATES),
+    {"model": MODELS, "design": DESIGNS | SURROGATES},
     _rows,
     {"noise": _page, "surrogates of noise": _surrogates_page},
     _failing,
@@ -618,4 +612,4 @@ TABLE = SeedTable(
 )
 
 if __name__ == "__main__":
-    sys.exit(TABLE.main(__doc__))
+    TABLE.main(__doc__)

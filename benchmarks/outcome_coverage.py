@@ -8,28 +8,23 @@ rare events, x follows from two inputs, and they have some thousand runs in five
 
 from __future__ import annotations
 
-import sys
-from argparse import Namespace
 from collections.abc import Iterator, Sequence
 from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
-from rare_events import standard_normals
+from problems import runs_of, standard_normals
 from scipy.stats import norm
-from seed_table import Case, Row, SeedTable, lines
+from seed_table import Case, Row, SeedTable, grouped, lines
 
-from uqpen.core.labels import ABSENT, OUTCOME_OUTPUT, ROLE, SAMPLING, STATUS
+from uqpen.core.arrays import BoolArray, FloatArray
+from uqpen.core.labels import ABSENT, OUTCOME_OUTPUT, ROLE, RUN, SAMPLING, STATUS
 from uqpen.core.sampling import Sampling
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
-from uqpen.designs.drawn_points import points_in_memory, points_of
 from uqpen.designs.rare_events.importance_sampling import ImportanceSampling
 from uqpen.designs.rare_events.subset_simulation import SubsetSimulation
-from uqpen.designs.rounds import run_rounds
-from uqpen.execution import join_rounds
 from uqpen.statistics.joint_event import JointEvent, OutputLimit
 from uqpen.statistics.joint_probability import joint_probabilities
 
@@ -50,7 +45,7 @@ class Ending(NamedTuple):
     limit: float
     share: float
 
-    def is_met(self, x: npt.NDArray[np.float64], tail: str) -> npt.NDArray[np.bool_]:
+    def is_met(self, x: FloatArray, tail: str) -> BoolArray:
         """Return which runs end so."""
         return x > norm.isf(self.share) if tail == "beyond" else x < norm.ppf(self.share)
 
@@ -83,65 +78,56 @@ def interval(
     """Return the estimate and both ends of its interval."""
     ending = ENDINGS[method][share]
 
-    def runs_at(points: xr.Dataset, x: npt.NDArray[np.float64]) -> xr.Dataset:
+    def with_endings(points: xr.Dataset, x: FloatArray) -> xr.Dataset:
         ends = ending.is_met(x, tail)
         has_failed = ends & (reading == "failed run")
         outcome = np.where(has_failed, -1, ends).astype(np.int8)
         flags = {"flag_values": np.array([-1, 0, 1]), "flag_meanings": "lost completed ends"}
         status = np.where(has_failed, Status.FAILED, Status.OK).astype(np.int8)
+        described = {ROLE: "output", "units": "1", ABSENT: "-"}
         return points.assign(
             {
-                "x": (
-                    "run",
-                    np.where(ends, np.nan, x),
-                    {ROLE: "output", "units": "1", ABSENT: "-"},
-                ),
-                OUTCOME_OUTPUT: ("run", outcome, {ROLE: "output", **flags}),
-                STATUS: ("run", status),
+                "x": (RUN, np.where(ends, np.nan, x), described),
+                OUTCOME_OUTPUT: (RUN, outcome, {ROLE: "output", **flags}),
+                STATUS: (RUN, status),
             }
         )
 
     if method == MONTE_CARLO:
         x = np.random.default_rng([2_120, seed]).standard_normal(RUNS)
-        runs, sampling = runs_at(xr.Dataset(), x), Sampling.INDEPENDENT
+        runs = with_endings(xr.Dataset(), x).assign_attrs({SAMPLING: str(Sampling.INDEPENDENT)})
     else:
         text = f"x > {ending.limit}" + " or ends" * (reading == "outcome")
-        design = DESIGNS[method](text)
-
-        def make_runs(drawn: Any, number: int) -> dict[str, xr.Dataset]:
-            points = points_in_memory(points_of(drawn))
-            return {"": runs_at(points, 0.6 * points["x0"].values + 0.8 * points["x1"].values)}
-
-        rounds = run_rounds(design, standard_normals(2), Stream(seed, "designs", "rare"), make_runs)
-        runs = join_rounds([each[""] for each in rounds], range(len(rounds)))
-        sampling = design.sampling
+        runs = runs_of(
+            DESIGNS[method](text),
+            standard_normals(2),
+            Stream(seed, "designs", "rare"),
+            lambda at: with_endings(at, 0.6 * at["x0"].values + 0.8 * at["x1"].values),
+        )
     limits = [OutputLimit("x", "x", is_above=True, value=ending.limit)]
     if reading == "outcome":
         limits += [OutputLimit("ends", OUTCOME_OUTPUT, is_above=True, value=1.0, is_category=True)]
     event = JointEvent("event", tuple(limits), is_any=True)
-    runs = runs.assign_attrs({**runs.attrs, SAMPLING: str(sampling)})
     found = joint_probabilities(runs, [event], _LEVEL)["joint_probability"]
     value, lower, upper = found.values[0].tolist()
     return value, lower, upper
 
 
-def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
+def _rows(*case: Any) -> Iterator[Row]:
+    *of, seeds = case
     for seed in seeds:
-        value, lower, upper = interval(seed, *map(str, case))
+        value, lower, upper = interval(seed, *of)
         yield {"value": value, "lower": lower, "upper": upper}
 
 
 def _page(rows: Sequence[Row]) -> Iterator[str]:
     head = ["method", "probability", "of the ending", "where", "read as"]
     head += ["seeds", "mean estimate", "covers", "median upper/lower end"]
-    found: dict[Case, list[Row]] = {}
-    for row in rows:
-        found.setdefault(tuple(row[key] for key in KEYS), []).append(row)
+    found = grouped(rows, *KEYS)
     yield from lines(head, (_line(found[case], *case) for case in cases() if case in found))
 
 
-def _line(rows: Sequence[Row], *case: Any) -> list[str]:
-    method, share, tail, reading = map(str, case)
+def _line(rows: Sequence[Row], method: str, share: str, tail: str, reading: str) -> list[str]:
     truth = ENDINGS[method][share].probability(tail)
     table = np.array([[row[key] for key in ("value", "lower", "upper")] for row in rows])
     value, lower, upper = table.T
@@ -152,7 +138,7 @@ def _line(rows: Sequence[Row], *case: Any) -> list[str]:
 
 
 KEYS = ("method", "share", "tail", "reading")
-TABLE = SeedTable(KEYS, cases, _rows, {"outcomes": _page}, seeds=300, at_once=20)
+TABLE = SeedTable(KEYS, _rows, {"outcomes": _page}, seeds=300, at_once=20, cases=cases)
 
 if __name__ == "__main__":
-    sys.exit(TABLE.main(__doc__))
+    TABLE.main(__doc__)

@@ -11,29 +11,38 @@ chains, and the fourth gives as many likelihoods to emcee and OpenTURNS, which h
 from __future__ import annotations
 
 import math
-import sys
-from argparse import Namespace
 from collections.abc import Callable, Iterator, Sequence
+from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from scipy import stats
-from seed_table import LOWEST, Case, Row, SeedTable, lines, per_cent, totals
+from seed_table import (
+    LOWEST,
+    Case,
+    Row,
+    SeedTable,
+    counted,
+    grouped,
+    share,
+    share_of,
+    table,
+    totals,
+)
 
+from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.streams import Stream
 from uqpen.designs.posterior import PosteriorPoints, half_normal, sample_posterior
 from uqpen.statistics.posterior import PosteriorSample
 
-Array = npt.NDArray[np.float64]
-LogLikelihood = Callable[[Array], Array]
+LogLikelihood = Callable[[FloatArray], FloatArray]
 
 
 class Problem(NamedTuple):
     """A posterior in standard normal coordinates, and the unknowns that these stand for."""
 
     names: tuple[str, ...]
-    values: Callable[[Array], Array]  # (run, coordinate) to (run, unknown)
+    values: Callable[[FloatArray], FloatArray]  # (run, coordinate) to (run, unknown)
     log_likelihood: LogLikelihood  # of the values; NaN for a failed run
 
 
@@ -47,7 +56,7 @@ def posterior_sample(
 ) -> PosteriorSample | str:
     """Return the sample of a posterior, or the reason why there is none."""
     sampler = sample_posterior(len(problem.names), particles, replicates, at_most, stream)
-    made, values, found = [next(sampler)], list[Array](), list[Array]()
+    made, values, found = [next(sampler)], list[FloatArray](), list[FloatArray]()
     while True:
         values.append(problem.values(made[-1].points))
         found.append(problem.log_likelihood(values[-1]))
@@ -59,10 +68,10 @@ def posterior_sample(
     return PosteriorSample.of(problem.names, np.concatenate(values), sampled, np.concatenate(found))
 
 
-def _log_normal(off: Array, std: Array | float) -> Array:
+def _log_normal(off: FloatArray, std: FloatArray | float) -> FloatArray:
     """Return the logarithm of the density of independent errors, summed over the last axis."""
     each = -0.5 * (off / std) ** 2 - np.log(std) - 0.5 * math.log(2 * math.pi)
-    found: Array = np.sum(np.broadcast_to(each, off.shape), axis=-1)
+    found: FloatArray = np.sum(np.broadcast_to(each, off.shape), axis=-1)
     return found
 
 
@@ -74,27 +83,27 @@ CURVES = ("errors stated", "size of errors unknown", "5 % of runs fail")
 PARTICLES = 512
 
 
-def curve(values: Array) -> Array:
+def curve(values: FloatArray) -> FloatArray:
     """Return a decay to a level at the times, shape (run, time)."""
     height, rate, level = (values[:, place, np.newaxis] for place in range(3))
     return np.asarray(height * np.exp(-rate * TIMES) + level)
 
 
-def fails(values: Array) -> npt.NDArray[np.bool_]:
+def fails(values: FloatArray) -> BoolArray:
     """Return which runs fail: one in 20, as if at random, yet always the same."""
     return np.asarray(np.modf(np.abs(values[:, 1]) * 1e6)[0] < FAILING)
 
 
-def curve_problem(name: str, data: Array) -> Problem:
+def curve_problem(name: str, data: FloatArray) -> Problem:
     """Return the posterior of a data set."""
     has_size = name == CURVES[1]
 
-    def values(points: Array) -> Array:
+    def values(points: FloatArray) -> FloatArray:
         columns = [5 + points[:, 0], np.exp(0.4 * points[:, 1] - 0.7), 1 + 0.5 * points[:, 2]]
         columns += [half_normal(points[:, 3], SIZE_PRIOR)] if has_size else []
         return np.column_stack(columns)
 
-    def log_likelihood(values: Array) -> Array:
+    def log_likelihood(values: FloatArray) -> FloatArray:
         found = _log_normal(data - curve(values), values[:, 3:] if has_size else STD)
         return np.where(fails(values), np.nan, found) if name == CURVES[2] else found
 
@@ -138,17 +147,17 @@ _X, _Y = np.arange(4.0), np.array([1.1, 2.9, 5.2, 6.8])
 _REPEATS = np.array([4.1, 5.0, 3.7, 4.6, 5.3])
 
 
-def _line(values: Array) -> Array:
+def _line(values: FloatArray) -> FloatArray:
     return np.asarray(_Y - values[:, :1] - values[:, 1:] * _X)
 
 
-def _with_shared_error(values: Array) -> Array:
+def _with_shared_error(values: FloatArray) -> FloatArray:
     return np.asarray(
         stats.multivariate_normal(np.zeros(4), 0.2**2 * np.eye(4) + 0.3**2).logpdf(_line(values))
     )
 
 
-def _bounded(values: Array) -> Array:
+def _bounded(values: FloatArray) -> FloatArray:
     beyond = stats.norm.logsf(1.0, values[:, 0], 0.5)
     return np.asarray(_log_normal(0.8 - values, 0.5) + beyond)
 
@@ -220,23 +229,23 @@ _LYNXES += [8.0, 12.3, 19.5, 45.7, 51.1, 29.7, 15.8, 9.7, 10.1, 8.6]
 _STEPS = 40  # of Runge and Kutta's method in a year
 
 
-def _schools(values: Array) -> Array:
+def _schools(values: FloatArray) -> FloatArray:
     return _log_normal(_EFFECTS - values[:, 2:], _EFFECT_STDS)
 
 
-def _school_values(points: Array) -> Array:
+def _school_values(points: FloatArray) -> FloatArray:
     mean, scale = 5 * points[:, 0], stats.halfcauchy.ppf(stats.norm.cdf(points[:, 1]), scale=5)
     effects = mean[:, np.newaxis] + scale[:, np.newaxis] * points[:, 2:]
     return np.column_stack([mean, scale, effects])
 
 
-def _animals(values: Array) -> Array:
+def _animals(values: FloatArray) -> FloatArray:
     """Return the likelihood of Lotka and Volterra's equations with log-normal errors."""
     birth, hunted, death, fed = values[:, :4].T
     at = np.log(values[:, 4:6].T)
     found = np.zeros(len(values))
 
-    def slope(at: Array) -> Array:
+    def slope(at: FloatArray) -> FloatArray:
         hares, lynxes = np.exp(np.minimum(at, 50.0))
         return np.stack([birth - hunted * lynxes, fed * hares - death])
 
@@ -253,7 +262,7 @@ def _animals(values: Array) -> Array:
     return np.where(np.isfinite(found), found, np.nan)
 
 
-def _animal_values(points: Array) -> Array:
+def _animal_values(points: FloatArray) -> FloatArray:
     middle, spread = np.tile([1.0, 0.05], 2), np.tile([0.5, 0.05], 2)
     # Normal above 0.
     inside = stats.norm.cdf(middle / spread)
@@ -309,7 +318,7 @@ def _beside(name: str, seed: int) -> Row:
     spent, dimension = len(sample.log_likelihood), len(known.mean)
     steps = spent // _WALKERS
 
-    def log_density(points: Array) -> Array:
+    def log_density(points: FloatArray) -> FloatArray:
         found = known.problem.log_likelihood(known.problem.values(points))
         return np.asarray(found - (points**2).sum(axis=1) / 2)
 
@@ -344,8 +353,7 @@ def _beside(name: str, seed: int) -> Row:
     return {"likelihoods": spent, "rounds": rounds, "steps": steps} | off2
 
 
-def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
-    kind, name, replicates = str(case[0]), str(case[1]), int(case[2])
+def _rows(kind: str, name: str, replicates: int, seeds: Sequence[int]) -> Iterator[Row]:
     for seed in seeds:
         if kind == "curve":
             yield _calibrated(name, seed)
@@ -362,140 +370,122 @@ def _cases() -> Iterator[Case]:
     yield from (("beside", name, 4) for name in KNOWN)
 
 
-LEVELS = (0.5, 0.9, 0.95)
+def _held(level: float) -> Callable[[SimpleNamespace], str]:
+    return lambda c: share((abs(c.below - 0.5) <= level / 2).mean(), 1)
 
 
-def _places(rows: Sequence[Row]) -> dict[str, Array]:
-    """Return where the true values are in the posteriors of a curve, shape (data set, unknown)."""
-    found = {}
-    for name in CURVES:
-        own = [row for row in rows if row["kind"] == "curve" and row["name"] == name]
-        places = range(len(curve_problem(name, TIMES).names))
-        if own:
-            found[name] = np.array([[row[f"below_{place}"] for place in places] for row in own])
-    return found
+def _mean(name: str) -> Callable[[SimpleNamespace], str]:
+    return lambda c: counted(getattr(c, name) / c.count)
 
 
-def _curves(rows: Sequence[Row]) -> Iterator[str]:
-    head = ["errors", "data sets", "likelihoods", *(f"{level:.0%} hold" for level in LEVELS)]
-    head += ["p of ranks", "sampled well"]
-    sums = totals([row for row in rows if row["kind"] == "curve"], ("name",), SUMS[:3])
-    cells = []
-    for name, below in _places(rows).items():
-        cell = sums[(name,)]
-        held = [f"{per_cent((abs(below - 0.5) <= level / 2).mean(), 1)} %" for level in LEVELS]
-        p_values = (stats.kstest(column, "uniform").pvalue for column in below.T)
-        ranks = ", ".join(f"{each:.2f}" for each in p_values)
-        cells.append([name, cell.count, _number(cell.likelihoods / cell.count), *held, ranks])
-        cells[-1].append(f"{per_cent(cell.count - cell.faulty, cell.count)} %")
-    if cells:
-        yield from lines(head, cells)
+def _root(name: str) -> Callable[[SimpleNamespace], str]:
+    return lambda c: f"{math.sqrt(getattr(c, name) / c.count):.3f}"
 
 
-def _number(value: float) -> str:
-    return f"{value:_.0f}".replace("_", " ")
+def _beside_own(name: str) -> Callable[[SimpleNamespace], str]:
+    """Return an error, and how many times as many likelihoods it takes to make it ours."""
+
+    def text(c: SimpleNamespace) -> str:
+        # Errors fall with the root of the number of likelihoods.
+        times = getattr(c, name) / c.off2_own
+        return f"{_root(name)(c)} ({times:.{0 if times >= 10 else 1}f} ×)"
+
+    return text
 
 
-KEYS = ("kind", "name", "replicates")
-SUMS = ("count", "likelihoods", "faulty", "holds_mean", "holds_std", "holds_evidence")
-SUMS += ("off_std", "off2_mean", "off2_evidence")
+def _ranks(c: SimpleNamespace) -> list[float]:
+    return [stats.kstest(column, "uniform").pvalue for column in c.below.T]
 
 
-def _of_known(rows: Sequence[Row]) -> Iterator[str]:
-    own = [row for row in rows if row["kind"] == "known"]
-    head = ["posterior", "replicates", "samples", "likelihoods", "holds mean", "holds sd"]
-    head += [
-        "holds log evidence",
-        "error of mean [sd]",
-        "mean error of sd",
-        "error of log evidence",
-    ]
-    head += ["sampled well"]
-    cells = []
-    for (_, name, replicates), cell in totals(own, KEYS, SUMS).items():
-        number = cell.count
-        shares = (cell.holds_mean, cell.holds_std, cell.holds_evidence)
-        cells.append(
-            [
-                name,
-                replicates,
-                number,
-                _number(cell.likelihoods / number),
-                *(f"{per_cent(each, number)} %" for each in shares),
-                f"{math.sqrt(cell.off2_mean / number):.3f}",
-                f"{100 * cell.off_std / number:+.1f} %",
-                f"{math.sqrt(cell.off2_evidence / number):.3f}",
-                f"{per_cent(number - cell.faulty, number)} %",
-            ]
-        )
-    if cells:
-        yield from lines(head, cells)
+_SAMPLED_WELL = {"sampled well": lambda c: share(c.count - c.faulty, c.count)}
+COLUMNS = {
+    "curve": {
+        "errors": "name",
+        "data sets": "count",
+        "likelihoods": _mean("likelihoods"),
+        **{f"{level:.0%} hold": _held(level) for level in (0.5, 0.9, 0.95)},
+        "p of ranks": lambda c: ", ".join(f"{each:.2f}" for each in _ranks(c)),
+        **_SAMPLED_WELL,
+    },
+    "known": {
+        "posterior": "name",
+        "replicates": "replicates",
+        "samples": "count",
+        "likelihoods": _mean("likelihoods"),
+        "holds mean": share_of("holds_mean"),
+        "holds sd": share_of("holds_std"),
+        "holds log evidence": share_of("holds_evidence"),
+        "error of mean [sd]": _root("off2_mean"),
+        "mean error of sd": lambda c: f"{100 * c.off_std / c.count:+.1f} %",
+        "error of log evidence": _root("off2_evidence"),
+        **_SAMPLED_WELL,
+    },
+    "reference": {
+        "posterior": "name",
+        "samples": "count",
+        "likelihoods": _mean("likelihoods"),
+        "error of mean [sd]": _root("off2"),
+        "largest [sd]": lambda c: f"{max(row['largest'] for row in c.rows):.2f}",
+        "largest [standard errors], median": lambda c: (
+            f"{np.median([row['in_errors'] for row in c.rows]):.1f}"
+        ),
+        **_SAMPLED_WELL,
+    },
+    "beside": {
+        "posterior": "name",
+        "samples": "count",
+        "likelihoods": _mean("likelihoods"),
+        "rounds": _mean("rounds"),
+        "steps of emcee": _mean("steps"),
+        "error of mean [sd]": _root("off2_own"),
+        "emcee, stretch": _beside_own("off2_stretch"),
+        "emcee, differences": _beside_own("off2_differences"),
+        "OpenTURNS": _beside_own("off2_walk"),
+    },
+}
 
 
-def _of_references(rows: Sequence[Row]) -> Iterator[str]:
-    own = [row for row in rows if row["kind"] == "reference"]
-    head = ["posterior", "samples", "likelihoods", "error of mean [sd]", "largest [sd]"]
-    head += ["largest [standard errors], median", "sampled well"]
-    cells = []
-    sums = ("count", "likelihoods", "off2", "faulty")
-    for (name,), cell in totals(own, ("name",), sums).items():
-        of_name = [row for row in own if row["name"] == name]
-        cells.append(
-            [
-                name,
-                cell.count,
-                _number(cell.likelihoods / cell.count),
-                f"{math.sqrt(cell.off2 / cell.count):.3f}",
-                f"{max(row['largest'] for row in of_name):.2f}",
-                f"{np.median([row['in_errors'] for row in of_name]):.1f}",
-                f"{per_cent(cell.count - cell.faulty, cell.count)} %",
-            ]
-        )
-    if cells:
-        yield from lines(head, cells)
-
-
-def _of_others(rows: Sequence[Row]) -> Iterator[str]:
-    own = [row for row in rows if row["kind"] == "beside"]
-    head = ["posterior", "samples", "likelihoods", "rounds", "steps of emcee", "error of mean [sd]"]
-    head += ["emcee, stretch", "emcee, differences", "OpenTURNS"]
-    others = [f"off2_{each}" for each in ("stretch", "differences", "walk")]
-    sums = ("count", "likelihoods", "rounds", "steps", "off2_own", *others)
-    cells = []
-    for (name,), cell in totals(own, ("name",), sums).items():
-        numbers = (_number(getattr(cell, key) / cell.count) for key in sums[1:4])
-        cells.append([name, cell.count, *numbers, f"{math.sqrt(cell.off2_own / cell.count):.3f}"])
-        for off2 in (getattr(cell, key) for key in others):
-            # Errors fall with the root of the number of likelihoods.
-            times = off2 / cell.off2_own
-            cells[-1].append(
-                f"{math.sqrt(off2 / cell.count):.3f} ({times:.{0 if times >= 10 else 1}f} ×)"
-            )
-    if cells:
-        yield from lines(head, cells)
+def _cells(kind: str, rows: Sequence[Row]) -> list[SimpleNamespace]:
+    """Return the sums of each posterior, its rows, and where true values are in it by unknown."""
+    own = [row for row in rows if row["kind"] == kind]
+    found = totals(own, *KEYS)
+    for key, of in grouped(own, *KEYS).items():
+        found[key].rows = of
+        if kind == "curve":
+            places = range(len(curve_problem(found[key].name, TIMES).names))
+            found[key].below = np.array([[row[f"below_{at}"] for at in places] for row in of])
+    return [*found.values()]
 
 
 def _failing(rows: Sequence[Row]) -> Iterator[str]:
-    for name, below in _places(rows).items():
-        held = (abs(below - 0.5) <= 0.45).mean()
+    for cell in _cells("curve", rows):
+        held = (abs(cell.below - 0.5) <= 0.45).mean()
         if not 0.88 <= held <= 0.92:
-            yield f"{name}: {held:.1%} of 90 % intervals"
-        if min(stats.kstest(column, "uniform").pvalue for column in below.T) < 0.01:
-            yield f"{name}: ranks"
-    own = [row for row in rows if row["kind"] == "known"]
-    for key, cell in totals(own, KEYS, SUMS).items():
+            yield f"{cell.name}: {held:.1%} of 90 % intervals"
+        if min(_ranks(cell)) < 0.01:
+            yield f"{cell.name}: ranks"
+    for cell in _cells("known", rows):
         for what in ("mean", "std", "evidence"):
             if (held := getattr(cell, f"holds_{what}")) < LOWEST * cell.count:
-                yield f"{key}, {what}: {per_cent(held, cell.count)} %"
+                yield f"{cell.name}, {cell.replicates}, {what}: {share(held, cell.count)}"
 
 
-TABLES = {
-    "curves": _curves,
-    "known posteriors": _of_known,
-    "published posteriors": _of_references,
-    "posteriors by other programs": _of_others,
-}
-TABLE = SeedTable(KEYS, _cases, _rows, TABLES, _failing)
+KEYS = ("kind", "name", "replicates")
+TABLE = SeedTable(
+    KEYS,
+    _rows,
+    {
+        name: lambda rows, kind=kind: table(_cells(kind, rows), COLUMNS[kind])
+        for name, kind in (
+            ("curves", "curve"),
+            ("known posteriors", "known"),
+            ("published posteriors", "reference"),
+            ("posteriors by other programs", "beside"),
+        )
+    },
+    _failing,
+    cases=_cases,
+)
 
 if __name__ == "__main__":
-    sys.exit(TABLE.main(__doc__))
+    TABLE.main(__doc__)

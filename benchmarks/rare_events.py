@@ -10,35 +10,26 @@ from __future__ import annotations
 
 import importlib.util
 import math
-import sys
-from argparse import Namespace
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
+from problems import runs_of, standard_normals, with_output
 from scipy import special, stats
 from scipy.special import ndtr
-from seed_table import Case, Row, SeedTable, lines
+from seed_table import Row, SeedTable, grouped, lines
 
-from uqpen.core.labels import ROLE, RUN, SAMPLING, STATUS
-from uqpen.core.status import Status
+from uqpen.core.arrays import FloatArray
+from uqpen.core.labels import RUN
 from uqpen.core.streams import Stream
-from uqpen.core.variables import Input
 from uqpen.designs.design import Design
-from uqpen.designs.drawn_points import points_in_memory, points_of
 from uqpen.designs.rare_events.importance_sampling import ImportanceSampling
 from uqpen.designs.rare_events.subset_simulation import SubsetSimulation
-from uqpen.designs.rounds import run_rounds
-from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
-from uqpen.distributions.univariate import Normal
-from uqpen.execution import join_rounds
 from uqpen.statistics.joint_probability import joint_probabilities
 from uqpen.surrogates.active_learning import ActiveLearning
 
-FloatArray = npt.NDArray[np.float64]
 EVENT = "g < 0"
 LEVEL = 0.95
 RUNS = 10_000
@@ -168,28 +159,16 @@ PROBLEMS_OF_MANY = {
 ALL = PROBLEMS | PROBLEMS_OF_MANY
 
 
-def standard_normals(dimension: int) -> JointDistribution:
-    """Return independent standard normal inputs."""
-    variables = tuple(Input(f"x{number}", "1", "") for number in range(dimension))
-    normal = Normal(0.0, 1.0)
-    return JointDistribution(tuple(RandomInput(each, normal, "1") for each in variables), variables)
-
-
 def answer(problem: Problem, design: Design, seed: int) -> tuple[int, FloatArray]:
     """Return the number of runs of a design, and its estimate with both bounds."""
-    joint = standard_normals(problem.dimension)
-    names = [each.variable.name for each in joint.random]
+    names = [f"x{number}" for number in range(problem.dimension)]
 
-    def make_runs(drawn: Any, number: int) -> dict[str, xr.Dataset]:
-        points = points_in_memory(points_of(drawn))
+    def make(points: xr.Dataset) -> xr.Dataset:
         values = problem.function(np.column_stack([points[name].values for name in names]))
-        status = np.where(np.isnan(values), Status.NOT_FINITE, Status.OK).astype(np.int8)
-        described = {"units": "1", ROLE: "output"}
-        return {"": points.assign({"g": (RUN, values, described), STATUS: (RUN, status)})}
+        return with_output(points, values, "g")
 
-    rounds = run_rounds(design, joint, Stream(seed, "designs", "rare"), make_runs)
-    runs = join_rounds([each[""] for each in rounds], range(len(rounds)))
-    runs = runs.assign_attrs({SAMPLING: str(design.sampling)})
+    stream = Stream(seed, "designs", "rare")
+    runs = runs_of(design, standard_normals(problem.dimension), stream, make)
     found = joint_probabilities(runs, (), LEVEL)["joint_probability"]
     return runs.sizes[RUN], found.values[0]
 
@@ -263,19 +242,17 @@ def methods(problem: Problem) -> dict[str, Callable[[int], tuple[int, FloatArray
     return found
 
 
-def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
+def _rows(problem: str, method: str, seeds: Sequence[int]) -> Iterator[Row]:
     """Yield the answers of a method."""
-    problem, method = map(str, case)
     for seed in seeds:
         runs, (estimate, lower, upper) = methods(ALL[problem])[method](seed)
         yield {"runs": runs, "estimate": estimate, "lower": lower, "upper": upper}
 
 
 def _page(problems: Mapping[str, Problem], rows: Sequence[Row]) -> Iterator[str]:
-    groups: dict[tuple[str, str], list[Row]] = {}
-    for key in problems:
-        for row in (row for row in rows if row["problem"] == key):
-            groups.setdefault((key, row["method"]), []).append(row)
+    order = list(problems)
+    own = [row for row in rows if row["problem"] in problems]
+    groups = grouped(sorted(own, key=lambda row: order.index(row["problem"])), "problem", "method")
     if groups:
         columns = ("event", "method", "seeds", "runs", "bias", "variation seen", "stated")
         yield from lines((*columns, "upper/lower", "coverage"), ())
@@ -320,21 +297,16 @@ def _quantile(method: str) -> float:
     return float(special.stdtrit(4, 0.975) if has_replicates else special.ndtri(0.975))
 
 
-def _cases() -> Iterator[Case]:
-    for key, problem in ALL.items():
-        yield from ((key, method) for method in methods(problem))
-
-
 TABLE = SeedTable(
     ("problem", "method"),
-    _cases,
     _rows,
     {
         "rare events": partial(_page, PROBLEMS),
         "rare events of many inputs": partial(_page, PROBLEMS_OF_MANY),
     },
     seeds=500,
+    cases=lambda: ((key, each) for key, problem in ALL.items() for each in methods(problem)),
 )
 
 if __name__ == "__main__":
-    sys.exit(TABLE.main(__doc__))
+    TABLE.main(__doc__)

@@ -12,17 +12,13 @@ intervals cover in less than 92 %.
 from __future__ import annotations
 
 import math
-import sys
-from argparse import Namespace
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from functools import cache
 from itertools import product
 from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 from corrected_coverage import (
     FOLDS,
@@ -35,8 +31,9 @@ from corrected_coverage import (
     _predicted,
 )
 from scipy import special
-from seed_table import Case, Row, SeedTable, lines, too_seldom, totals
+from seed_table import Row, SeedTable, lines, too_seldom, totals
 
+from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import RUN, STATUS, WEIGHT
 from uqpen.core.model import Output, Results
 from uqpen.core.status import Status
@@ -44,9 +41,6 @@ from uqpen.core.streams import Stream
 from uqpen.statistics.surrogate.correction_runs import CorrectionRuns
 from uqpen.surrogates.fitting import CrossFit
 from uqpen.surrogates.refinement import RefinedOutput, place, predicted_errors
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 PLAIN, MEAN, PROBABILITIES = "plain draws", "for the mean", "for probabilities"
 FIRST, ROUNDS = 100, (50, 75, 75)
@@ -180,13 +174,8 @@ def _designs(
         yield name, _refined(problem, target, rng), rng
 
 
-@cache
-def _problem(name: str) -> Problem:
-    return Problem(STUDIED[name])
-
-
-def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
-    problem = _problem(str(case[0]))
+def _rows(name: str, seeds: Sequence[int]) -> Iterator[Row]:
+    problem = Problem(STUDIED[name])
     counts: dict[tuple[str, str], dict[str, float]]
     counts = defaultdict(lambda: dict.fromkeys(SUMS, 0))
     truth = problem.truth
@@ -214,7 +203,7 @@ def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
 
 
 def _cells(rows: Sequence[Row]) -> dict[tuple[str, str, str], SimpleNamespace]:
-    return totals(rows, ("function", "runs", "statistic"), ("count", *SUMS))
+    return totals(rows, "function", "runs", "statistic")
 
 
 def _page(rows: Sequence[Row]) -> Iterator[str]:
@@ -241,8 +230,7 @@ def _text(cell: SimpleNamespace | None) -> str:
 
 
 TABLE = SeedTable(
-    ("function",),
-    lambda: ((each,) for each in STUDIED),
+    {"function": STUDIED},
     _rows,
     {"refined designs": _page},
     lambda rows: too_seldom(_cells(rows)),
@@ -250,4 +238,4 @@ TABLE = SeedTable(
 )
 
 if __name__ == "__main__":
-    sys.exit(TABLE.main(__doc__))
+    TABLE.main(__doc__)

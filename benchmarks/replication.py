@@ -9,17 +9,15 @@ in the set.
 
 from __future__ import annotations
 
-import sys
-from argparse import ArgumentParser, Namespace
-from collections.abc import Iterator, Sequence
+from argparse import ArgumentParser
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 from types import SimpleNamespace
 
 import xarray as xr
 from scipy import stats
-from seed_table import Case, Row, SeedTable, lines, per_cent, totals
+from seed_table import STUDIES, Row, SeedTable, per_cent, table, totals
 
 from uqpen.core.progress import Progress
 from uqpen.core.streams import Stream
@@ -27,10 +25,9 @@ from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.replication import LEVEL
 from uqpen.statistics.published import Publication, TableComparison, compare_moments
 from uqpen.study.load import load_study, reading_study
-from uqpen.study.study import ValidatedStudy
 from uqpen.workflow import run_design
 
-STUDY = load_study(Path(__file__).parents[1] / "studies" / "concrete.toml")
+STUDY = load_study(STUDIES / "concrete.toml")
 REPORT = STUDY.published["report"]
 # Reports that are tested by the same runs of the archive, whose noise is small beside theirs.
 SHARED = 10
@@ -44,16 +41,14 @@ COUNTS = ("tests", "rejected", "claims", "in_set", "alone")
 FAR, LEAST = 4.0, 0.93
 
 
-def _study(name: str) -> ValidatedStudy:
-    return STUDY if name == STATED else reading_study(STUDY, REPORT.readings[name])
-
-
-STUDIES = {name: _study(name) for name in (STATED, *REPORT.readings)}
+BY_READING = {STATED: STUDY} | {
+    name: reading_study(STUDY, each) for name, each in REPORT.readings.items()
+}
 
 
 def _runs(name: str, seed: int, purpose: str, size: int) -> xr.Dataset:
     stream, design = Stream(seed, "replication", purpose), MonteCarlo(runs=size)
-    made = run_design(STUDIES[name], design, stream, map=map, progress=Progress())
+    made = run_design(BY_READING[name], design, stream, map=map, progress=Progress())
     return next(iter(made.values()))
 
 
@@ -85,23 +80,19 @@ def _printed(name: str, seed: int) -> Publication:
     return replace(REPORT, estimates=tuple(estimates))
 
 
-def _rows(case: Case, seeds: Sequence[int], options: Namespace) -> Iterator[Row]:
-    (planted,) = map(str, case)
+def _rows(planted: str, seeds: Sequence[int], archive_runs: int) -> Iterator[Row]:
     counts = dict.fromkeys(COUNTS, 0)
     moved = 0.0
     for seed in seeds:
         report = _printed(planted, seed)
-        stated = _test(report, STATED, seed, options.archive_runs)
+        stated = _test(report, STATED, seed, archive_runs)
         moved += max(abs(each.z) for each in stated.figures)
         counts["tests"] += 1
         if stated.p >= LEVEL:
             continue
         counts["rejected"] += 1
-        fitting = [
-            name
-            for name in REPORT.readings
-            if _test(report, name, seed, options.archive_runs).p >= LEVEL
-        ]
+        readings = REPORT.readings
+        fitting = [each for each in readings if _test(report, each, seed, archive_runs).p >= LEVEL]
         counts["claims"] += bool(fitting)
         counts["in_set"] += planted in fitting
         counts["alone"] += fitting == [planted]
@@ -112,31 +103,28 @@ def _options(parser: ArgumentParser) -> None:
     parser.add_argument("--archive-runs", type=int, default=100_000)
 
 
-def _table(rows: Sequence[Row]) -> Iterator[str]:
-    head = [
-        "the report was made by",
-        "reports",
-        "mean largest z, without sign",
-        "study rejected [%]",
-    ]
-    head += ["a reading named [%]", "its reading among them [% of rejected]", "alone [%]"]
-    cells = [
-        (
-            name,
-            cell.tests,
-            f"{cell.moved / cell.tests:.1f}",
-            per_cent(cell.rejected, cell.tests),
-            per_cent(cell.claims, cell.tests),
-            "–" if name == STATED or not cell.rejected else per_cent(cell.in_set, cell.rejected),
-            "–" if name == STATED else per_cent(cell.alone, cell.tests),
-        )
-        for name, cell in _cells(rows).items()
-    ]
-    yield from lines(head, cells)
+def _planted(part: str, whole: str) -> Callable[[SimpleNamespace], str]:
+    def text(c: SimpleNamespace) -> str:
+        counted = getattr(c, whole)
+        is_none = c.planted == STATED or not counted
+        return "–" if is_none else per_cent(getattr(c, part), counted)
+
+    return text
+
+
+COLUMNS = {
+    "the report was made by": "planted",
+    "reports": "tests",
+    "mean largest z, without sign": lambda c: f"{c.moved / c.tests:.1f}",
+    "study rejected [%]": lambda c: per_cent(c.rejected, c.tests),
+    "a reading named [%]": lambda c: per_cent(c.claims, c.tests),
+    "its reading among them [% of rejected]": _planted("in_set", "rejected"),
+    "alone [%]": _planted("alone", "tests"),
+}
 
 
 def _cells(rows: Sequence[Row]) -> dict[str, SimpleNamespace]:
-    found = totals(rows, ("planted",), (*COUNTS, "moved"))
+    found = totals(rows, "planted")
     return {name: found[name,] for name in PLANTED if (name,) in found}
 
 
@@ -153,10 +141,9 @@ def _failing(rows: Sequence[Row]) -> Iterator[str]:
 
 
 TABLE = SeedTable(
-    ("planted",),
-    lambda: ((name,) for name in PLANTED),
+    {"planted": PLANTED},
     _rows,
-    {"replication": _table},
+    {"replication": lambda rows: table(_cells(rows).values(), COLUMNS)},
     _failing,
     seeds=200,
     at_once=20,
@@ -164,4 +151,4 @@ TABLE = SeedTable(
 )
 
 if __name__ == "__main__":
-    sys.exit(TABLE.main(__doc__))
+    TABLE.main(__doc__)

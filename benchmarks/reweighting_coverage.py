@@ -6,25 +6,25 @@ interval of their difference contains 0, by the distances of the facing ends (MO
 
 from __future__ import annotations
 
-import functools
-import sys
-from argparse import Namespace
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from functools import cache, partial
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
-from seed_table import LOWEST, Case, Row, SeedTable, lines, per_cent, totals
+from problems import independent
+from seed_table import LOWEST, Row, SeedTable, per_cent, summed, totals
 
+from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import REWEIGHTED, RUN, SAMPLING, STATUS, WEIGHT
-from uqpen.core.model import Input, Output
+from uqpen.core.model import Output
 from uqpen.core.sampling import Sampling
 from uqpen.distributions.copulas import GaussianCopula
 from uqpen.distributions.distribution import Distribution
 from uqpen.distributions.joint_distribution import (
     JointDistribution,
-    RandomInput,
     points_dataset,
 )
 from uqpen.distributions.univariate import Beta, Discrete, Gamma, Normal, Student, Uniform
@@ -32,22 +32,18 @@ from uqpen.statistics.analyze import analyze
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
 from uqpen.statistics.reweighting import expected_weights, relative_weights
 
-Array = npt.NDArray[np.float64]
 RUNS, OF_THE_TRUTH = 1500, 2_000_000
 # Probabilities of the events, and of the quantile.
 PROBABILITIES = (0.1, 0.05)
 STATISTICS = ("P 10 %", "P 5 %", "mean", "90 % quantile")
 
 
-def _joint(*distributions: Distribution, correlation: float = 0.0) -> JointDistribution:
-    entries = tuple(
-        RandomInput(Input(f"x{place}", "1", ""), each, "1")
-        for place, each in enumerate(distributions)
-    )
-    names = tuple(each.variable.name for each in entries)
+def _joint(*laws: Distribution, correlation: float = 0.0) -> JointDistribution:
+    joint = independent(**{f"x{place}": each for place, each in enumerate(laws)})
+    if not correlation:
+        return joint
     matrix = ((1.0, correlation), (correlation, 1.0))
-    dependence = GaussianCopula(names, matrix) if correlation else None
-    return JointDistribution(entries, tuple(each.variable for each in entries), dependence)
+    return replace(joint, dependence=GaussianCopula(("x0", "x1"), matrix))
 
 
 class Setting(NamedTuple):
@@ -55,14 +51,14 @@ class Setting(NamedTuple):
 
     drawn: JointDistribution
     asked: JointDistribution
-    function: Callable[[Array, Array], Array]
+    function: Callable[[FloatArray, FloatArray], FloatArray]
 
 
-def _sum(one: Array, other: Array) -> Array:
+def _sum(one: FloatArray, other: FloatArray) -> FloatArray:
     return one + other
 
 
-def _curved(one: Array, other: Array) -> Array:
+def _curved(one: FloatArray, other: FloatArray) -> FloatArray:
     return np.exp(0.4 * one) + 0.5 * other**2
 
 
@@ -103,12 +99,12 @@ SETTINGS = {
 }
 
 
-def _draw(joint: JointDistribution, runs: int, rng: np.random.Generator) -> dict[str, Array]:
+def _draw(joint: JointDistribution, runs: int, rng: np.random.Generator) -> dict[str, FloatArray]:
     return joint.ppf(joint.conditional_probabilities(rng.random((runs, 2)), {}))
 
 
-@functools.cache
-def truths(name: str) -> tuple[Array, Array]:
+@cache
+def truths(name: str) -> tuple[FloatArray, FloatArray]:
     """Return the thresholds, and the true values of the statistics."""
     setting = SETTINGS[name]
     values = np.sort(
@@ -119,8 +115,8 @@ def truths(name: str) -> tuple[Array, Array]:
 
 
 def estimates(
-    setting: Setting, thresholds: Array, rng: np.random.Generator, *, is_reweighted: bool
-) -> Array:
+    setting: Setting, thresholds: FloatArray, rng: np.random.Generator, *, is_reweighted: bool
+) -> FloatArray:
     """Return value, lower and upper end of each statistic, shape (statistic, 3)."""
     values = _draw(setting.drawn if is_reweighted else setting.asked, RUNS, rng)
     output = (RUN, setting.function(*values.values()), {"units": "1"})
@@ -141,24 +137,24 @@ def estimates(
     return np.vstack([found["exceedance"].values, found["mean"].values, _quantile(found)])
 
 
-def _quantile(found: dict[str, xr.DataArray]) -> Array:
+def _quantile(found: dict[str, xr.DataArray]) -> FloatArray:
     return np.asarray(found["quantile"].sel(probability=0.9).values)
 
 
-def compared(one: Array, other: Array) -> Array:
+def compared(one: FloatArray, other: FloatArray) -> FloatArray:
     """Return where the intervals of differences contain 0, shape (statistic,)."""
     lower, upper = one[:, 0] - one[:, 1], one[:, 2] - one[:, 0]
     below, above = other[:, 0] - other[:, 1], other[:, 2] - other[:, 0]
     difference = one[:, 0] - other[:, 0]
-    result: Array = (difference - np.hypot(lower, above) <= 0) & (
+    result: FloatArray = (difference - np.hypot(lower, above) <= 0) & (
         difference + np.hypot(upper, below) >= 0
     )
     return result
 
 
-def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
-    setting = SETTINGS[str(case[0])]
-    thresholds, truth = truths(str(case[0]))
+def _rows(name: str, seeds: Sequence[int]) -> Iterator[Row]:
+    setting = SETTINGS[name]
+    thresholds, truth = truths(name)
     for seed in seeds:
         rng = np.random.default_rng([seed, 39])
         again = estimates(setting, thresholds, rng, is_reweighted=True)
@@ -166,32 +162,21 @@ def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
         has_both = np.isfinite(again[:, 1]) & np.isfinite(fresh[:, 1])
         row: dict[str, Any] = {}
         for place, agrees in enumerate(compared(again, fresh)):
-            name = f"s{place}"
-            row[f"{name}_found"] = int(has_both[place])
-            row[f"{name}_agrees"] = int(agrees & has_both[place])
+            row[f"s{place}_found"] = int(has_both[place])
+            row[f"s{place}_agrees"] = int(agrees & has_both[place])
             covers = again[place, 1] <= truth[place] <= again[place, 2]
-            row[f"{name}_covers"] = int(covers & has_both[place])
+            row[f"s{place}_covers"] = int(covers & has_both[place])
         yield row
 
 
-_COUNTED = [f"s{place}_{what}" for place in range(4) for what in ("found", "agrees", "covers")]
-SUMS = ("count", *_COUNTED)
+def _size(cell: SimpleNamespace) -> str:
+    """Return the effective size that is expected, in per cent of the runs."""
+    setting = SETTINGS[cell.setting]
+    share = expected_weights(setting.drawn, setting.asked)
+    return f"{'' if share.is_exact else 'at most '}{100 * share.share:.3g} %"
 
 
-def _page(rows: Sequence[Row]) -> Iterator[str]:
-    head = ["inputs", "effective size", "seeds"]
-    head += [f"{each}: with an interval, agrees, covers" for each in STATISTICS]
-    cells = totals(rows, KEYS, SUMS)
-    yield from lines(head, (_line(*key, cell) for key, cell in cells.items()))
-
-
-def _line(name: str, cell: Any) -> list[str]:
-    share = expected_weights(SETTINGS[name].drawn, SETTINGS[name].asked)
-    size = f"{'' if share.is_exact else 'at most '}{100 * share.share:.3g} %"
-    return [name, size, f"{cell.count}", *(_counted(cell, place) for place in range(4))]
-
-
-def _counted(cell: Any, place: int) -> str:
+def _counted(place: int, cell: SimpleNamespace) -> str:
     found, agrees, covers = (
         getattr(cell, f"s{place}_{what}") for what in ("found", "agrees", "covers")
     )
@@ -202,7 +187,7 @@ def _counted(cell: Any, place: int) -> str:
 
 
 def _failing(rows: Sequence[Row]) -> Iterator[str]:
-    for (name,), cell in totals(rows, KEYS, SUMS).items():
+    for (name,), cell in totals(rows, "setting").items():
         for place, statistic in enumerate(STATISTICS):
             found = getattr(cell, f"s{place}_found")
             # Where few seeds have an interval, they are those with many events by chance.
@@ -213,12 +198,22 @@ def _failing(rows: Sequence[Row]) -> Iterator[str]:
                     yield f"{name}, {statistic}: {what} too seldom"
 
 
-def _cases() -> Iterator[Case]:
-    yield from ((name,) for name in SETTINGS)
-
-
-KEYS = ("setting",)
-TABLE = SeedTable(KEYS, _cases, _rows, {"reweighted": _page}, _failing, seeds=300)
+COLUMNS = {
+    "inputs": "setting",
+    "effective size": _size,
+    "seeds": "count",
+    **{
+        f"{each}: with an interval, agrees, covers": partial(_counted, place)
+        for place, each in enumerate(STATISTICS)
+    },
+}
+TABLE = SeedTable(
+    {"setting": SETTINGS},
+    _rows,
+    {"reweighted": summed(COLUMNS, "setting")},
+    _failing,
+    seeds=300,
+)
 
 if __name__ == "__main__":
-    sys.exit(TABLE.main(__doc__))
+    TABLE.main(__doc__)

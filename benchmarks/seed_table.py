@@ -19,6 +19,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from operator import attrgetter
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -26,8 +27,10 @@ from typing import Any
 from uqpen.core.processors import one_blas_thread
 
 Row = Mapping[str, Any]
-Case = tuple[str | int, ...]
+Case = tuple[Any, ...]
+Job = tuple[Case, list[int]]
 
+STUDIES = Path(__file__).parents[1] / "studies"
 # Of a cell that is judged: the least coverage, and the fewest intervals.
 LOWEST, FEWEST = 0.92, 50
 
@@ -38,12 +41,11 @@ class SeedTable:
 
     Parameters
     ----------
-    keys : tuple of str
-        Columns that tell cases apart.
-    cases : callable
-        All cases, each a value for every key; ``--only`` takes some by these values.
+    keys : mapping of str to iterable, or sequence of str
+        Columns that tell cases apart, and the values of each; ``--only`` takes some cases by these.
     rows : callable
-        Rows of a case and some seeds, from the case, the seeds and the options.
+        Rows of a case and some seeds, from the values of the case, the seeds and the options of its
+        own by name.
     tables : mapping of str to callable
         By the marks on the page between which it stands: lines of a table from the rows of all
         files; none if the rows have nothing for it.
@@ -53,19 +55,21 @@ class SeedTable:
         Number of seeds unless another one is asked for, and that of a block.
     options : callable
         Adds options of its own.
+    cases : callable
+        All cases, where they are not all combinations of the values.
     """
 
-    keys: tuple[str, ...]
-    cases: Callable[[], Iterable[Case]]
-    rows: Callable[[Case, Sequence[int], argparse.Namespace], Iterable[Row]]
+    keys: Mapping[str, Iterable[Any]] | Sequence[str]
+    rows: Callable[..., Iterable[Row]]
     tables: Mapping[str, Callable[[Sequence[Row]], Iterable[str]]]
     failing: Callable[[Sequence[Row]], Iterable[str]] = lambda _: ()
     seeds: int = 1000
     at_once: int = 1
     options: Callable[[argparse.ArgumentParser], None] = lambda _: None
+    cases: Callable[[], Iterable[Case]] | None = None
 
-    def main(self, description: str | None) -> int:
-        """Make the table as the command line says; 1 if a cell fails."""
+    def main(self, description: str | None) -> None:
+        """Make the table as the command line says; leave with 1 if a cell fails."""
         script = Path(sys.argv[0]).stem
         parser = argparse.ArgumentParser(description=(description or "").splitlines()[0])
         parser.add_argument("--first", type=int, default=0, help="the first seed")
@@ -75,10 +79,12 @@ class SeedTable:
         parser.add_argument("--output", type=Path, default=Path(f"{script}.csv"))
         parser.add_argument("--from", dest="earlier", type=Path, nargs="+", metavar="FILE.csv")
         parser.add_argument("--markdown", type=Path, metavar="FILE.md", help="the page of the docs")
+        common = vars(parser.parse_args([]))
         self.options(parser)
         options = parser.parse_args()
         if not options.earlier:
-            self._make(options)
+            own = {name: each for name, each in vars(options).items() if name not in common}
+            self._make(options, own)
         rows = _read(options.earlier or [options.output])
         for name, table in self.tables.items():
             if text := "\n".join(table(rows)):
@@ -88,9 +94,10 @@ class SeedTable:
         failing = list(self.failing(rows))
         for line in failing:
             print("FAILS", line)
-        return 1 if failing else 0
+        if failing:
+            sys.exit(1)
 
-    def _make(self, options: argparse.Namespace) -> None:
+    def _make(self, options: argparse.Namespace, own: Mapping[str, Any]) -> None:
         """Add to the file what it lacks: some seeds of all cases, then the next."""
         keys = (*self.keys, "first", "count")
         made = _read([options.output]) if options.output.exists() else []
@@ -99,7 +106,12 @@ class SeedTable:
             for row in made
             for seed in range(row["first"], row["first"] + row["count"])
         }
-        cases = [case for case in self.cases() if re.search(options.only, _title(case))]
+        if self.cases:
+            cases = self.cases()
+        else:
+            assert isinstance(self.keys, Mapping)
+            cases = itertools.product(*self.keys.values())
+        cases = [case for case in cases if re.search(options.only, _title(case))]
         last = options.first + options.seeds
         jobs = []
         for start, case in itertools.product(range(options.first, last, self.at_once), cases):
@@ -109,7 +121,8 @@ class SeedTable:
                 jobs.append((case, left))
         columns = list(made[0]) if made else []
         with options.output.open("a", newline="", encoding="utf-8") as file:
-            for (case, seeds), rows in zip(jobs, self._work(jobs, options), strict=True):
+            made_of = self._work(jobs, options.workers, own)
+            for (case, seeds), rows in zip(jobs, made_of, strict=True):
                 of = dict(zip(keys, (*case, seeds[0], len(seeds)), strict=True))
                 found = [of | dict(row) for row in rows]
                 if found and not columns:
@@ -120,15 +133,15 @@ class SeedTable:
                 print(f"{_title(case)}: seeds to {seeds[-1]}", flush=True)
 
     def _work(
-        self, jobs: Sequence[tuple[Case, list[int]]], options: argparse.Namespace
+        self, jobs: Sequence[Job], workers: int, own: Mapping[str, Any]
     ) -> Iterator[list[Row]]:
-        if options.workers == 1:
-            yield from map(partial(_rows, self, options), jobs)
+        if workers == 1:
+            yield from map(partial(_rows, self, own), jobs)
             return
         # Forked workers share what the cases have made; they know the table by its script.
         global _forked
-        _forked = partial(_rows, self, options)
-        with multiprocessing.get_context("fork").Pool(options.workers) as pool:
+        _forked = partial(_rows, self, own)
+        with multiprocessing.get_context("fork").Pool(workers) as pool:
             yield from pool.imap(_call, jobs)
 
 
@@ -136,16 +149,17 @@ def _title(case: Case) -> str:
     return ", ".join(map(str, case))
 
 
-_forked: Callable[[tuple[Case, list[int]]], list[Row]]
+_forked: Callable[[Job], list[Row]]
 
 
-def _call(job: tuple[Case, list[int]]) -> list[Row]:
+def _call(job: Job) -> list[Row]:
     return _forked(job)
 
 
-def _rows(table: SeedTable, options: argparse.Namespace, job: tuple[Case, list[int]]) -> list[Row]:
+def _rows(table: SeedTable, own: Mapping[str, Any], job: Job) -> list[Row]:
+    case, seeds = job
     with one_blas_thread():
-        return list(table.rows(*job, options))
+        return list(table.rows(*case, seeds, **own))
 
 
 def _read(paths: Iterable[Path]) -> list[dict[str, Any]]:
@@ -167,24 +181,54 @@ def _number_or_text(text: str) -> str | int | float:
         return text
 
 
-def totals(
-    rows: Iterable[Row], keys: Sequence[str], sums: Sequence[str]
-) -> dict[tuple[Any, ...], SimpleNamespace]:
-    """Add up some columns of the rows with the same keys."""
-    found: dict[tuple[Any, ...], SimpleNamespace] = {}
+def grouped(rows: Iterable[Row], *keys: str) -> dict[Case, list[Row]]:
+    """Return the rows with the same keys, by these."""
+    found: dict[Case, list[Row]] = {}
     for row in rows:
-        cell = found.setdefault(
-            tuple(row[key] for key in keys), SimpleNamespace(**dict.fromkeys(sums, 0))
-        )
-        for name in sums:
-            setattr(cell, name, getattr(cell, name) + row[name])
+        found.setdefault(tuple(row[key] for key in keys), []).append(row)
     return found
 
 
-def lines(head: Sequence[str], rows: Iterable[Iterable[object]]) -> Iterator[str]:
+def totals(rows: Iterable[Row], *keys: str) -> dict[Case, SimpleNamespace]:
+    """Add up all numbers of the rows with the same keys; a cell has these keys, too."""
+    found: dict[Case, SimpleNamespace] = {}
+    for key, group in grouped(rows, *keys).items():
+        sums = found[key] = SimpleNamespace(**dict(zip(keys, key, strict=True)))
+        for row in group:
+            for name, value in row.items():
+                if name not in keys and isinstance(value, int | float):
+                    setattr(sums, name, getattr(sums, name, 0) + value)
+    return found
+
+
+Columns = Mapping[str, str | Callable[[Any], object]]
+
+
+def table(cells: Iterable[Any], columns: Columns) -> Iterator[str]:
+    """Yield a table in Markdown; none without cells.
+
+    A column has a function of a cell, or one of its names.
+    """
+    texts = [attrgetter(each) if isinstance(each, str) else each for each in columns.values()]
+    if found := [[text(cell) for text in texts] for cell in cells]:
+        yield from lines(columns, found)
+
+
+def summed(columns: Columns, *keys: str) -> Callable[[Sequence[Row]], Iterator[str]]:
+    """Return the table of what is added up for each case."""
+    return lambda rows: table(totals(rows, *keys).values(), columns)
+
+
+def share_of(part: str, whole: str = "count") -> Callable[[Any], str]:
+    """Return a column with the share that a part of a cell is of its whole."""
+    return lambda cell: share(getattr(cell, part), getattr(cell, whole))
+
+
+def lines(head: Iterable[str], rows: Iterable[Iterable[object]]) -> Iterator[str]:
     """Yield a table in Markdown."""
-    yield f"| {' | '.join(head)} |"
-    yield "|---" * len(head) + "|"
+    names = list(head)
+    yield f"| {' | '.join(names)} |"
+    yield "|---" * len(names) + "|"
     for row in rows:
         yield f"| {' | '.join(map(str, row))} |"
 
@@ -199,6 +243,23 @@ def too_seldom(cells: Mapping[Any, SimpleNamespace]) -> Iterator[str]:
 def per_cent(part: float, whole: float) -> str:
     """Return a share in per cent."""
     return f"{100 * part / whole:.1f}"
+
+
+def share(part: float, whole: float) -> str:
+    """Return a share in per cent with its sign; a dash of nothing."""
+    return f"{per_cent(part, whole)} %" if whole else "–"
+
+
+def mean_range(cell: SimpleNamespace) -> str:
+    """Return the mean ends of a range, of those seeds that have one."""
+    ends = (cell.least, cell.largest)
+    found = " to ".join(f"{each / cell.intervals:.3g}" for each in ends if cell.intervals)
+    return found or "–"
+
+
+def counted(number: float) -> str:
+    """Return a whole number with spaces between thousands."""
+    return f"{number:,.0f}".replace(",", " ")
 
 
 def fill(path: Path, name: str, text: str) -> None:

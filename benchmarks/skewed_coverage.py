@@ -9,8 +9,6 @@ set of many inputs are a set of few. A cell fails if its intervals without a not
 from __future__ import annotations
 
 import math
-import sys
-from argparse import Namespace
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -19,10 +17,10 @@ from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from scipy import integrate, special
-from seed_table import FEWEST, LOWEST, Case, Row, SeedTable, lines, per_cent, totals
+from seed_table import FEWEST, LOWEST, Row, SeedTable, lines, per_cent, totals
 
+from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import NOTE
 from uqpen.core.model import Output
 from uqpen.core.sampling import Sampling
@@ -33,8 +31,6 @@ from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.moments.sample_moments import sample_moments
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
-
-FloatArray = npt.NDArray[np.float64]
 
 OUTPUT = Output("y", "1")
 QUANTITY = QuantityOfInterest(OUTPUT, "1")
@@ -172,12 +168,12 @@ DESIGNS: dict[str, Design] = {
 }
 
 
-def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
+def _rows(design: str, seeds: Sequence[int]) -> Iterator[Row]:
     """Yield the numbers of intervals that some seeds' points give, and of those that cover."""
-    design, dimension = DESIGNS[case[0]], max(each.inputs for each in FUNCTIONS.values())
+    dimension = max(each.inputs for each in FUNCTIONS.values())
     cells: defaultdict[tuple[str, str], Counter[str]] = defaultdict(Counter)
     for seed in seeds:
-        points, whole = design.sample(Stream(seed, "coverage").generator(), dimension)
+        points, whole = DESIGNS[design].sample(Stream(seed, "coverage").generator(), dimension)
         for name, function in FUNCTIONS.items():
             sample = replace(whole, values=function.values(points[:, : function.inputs]))
             for statistic, array in islice(sample_moments(sample, QUANTITY), 2):
@@ -187,12 +183,12 @@ def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
                     kind = "noted" if str(array.coords[NOTE].values) else "plain"
                     cell[kind] += 1
                     cell[f"{kind}_covers"] += lower <= getattr(function, statistic) <= upper
-    for (function_name, statistic), cell in cells.items():
-        yield {"function": function_name, "statistic": statistic} | {n: cell[n] for n in COUNTS}
+    for (of, statistic), cell in cells.items():
+        yield {"function": of, "statistic": statistic} | {n: cell[n] for n in COUNTS}
 
 
 def _cells(rows: Sequence[Row]) -> dict[tuple[str, str, str], SimpleNamespace]:
-    return totals(rows, ("statistic", "function", "design"), ("count", *COUNTS))
+    return totals(rows, "statistic", "function", "design")
 
 
 def _failing(rows: Sequence[Row]) -> Iterator[str]:
@@ -229,14 +225,7 @@ def _text(cell: SimpleNamespace | None) -> str:
     return ", ".join(texts) or "none"
 
 
-TABLE = SeedTable(
-    ("design",),
-    lambda: ((each,) for each in DESIGNS),
-    _rows,
-    {"skewed outputs": _page},
-    _failing,
-    at_once=50,
-)
+TABLE = SeedTable({"design": DESIGNS}, _rows, {"skewed outputs": _page}, _failing, at_once=50)
 
 if __name__ == "__main__":
-    sys.exit(TABLE.main(__doc__))
+    TABLE.main(__doc__)

@@ -11,24 +11,21 @@ either. At most 2 % of all figures may.
 from __future__ import annotations
 
 import math
-import sys
-from argparse import Namespace
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from itertools import product
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 from scipy import special
-from seed_table import Case, Row, SeedTable, lines, totals
+from seed_table import Row, SeedTable, lines, totals
 from usecase_coverage import INFINITE_VARIANCE, QUANTILES, Truth, UseCase, true_values, use_cases
 
 import uqpen
+from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import BOUND, INPUT, NOTE, PROBABILITY, SURROGATE_ESTIMATE
-
-FloatArray = npt.NDArray[np.float64]
 
 MOST_WITHOUT_A_WORD = 0.02
 RUNS = (60, 200)
@@ -66,9 +63,8 @@ def _truths(name: str) -> list[Truth]:
     return list(true_values(_use_cases()[name]))
 
 
-def _rows(asked: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
+def _rows(name: str, kind: str, runs: int, seeds: Sequence[int]) -> Iterator[Row]:
     """Yield the counts of the study of a seed, by output and statistic."""
-    name, kind, runs = asked
     case, truths = _use_cases()[name], _truths(name)
     for seed in seeds:
         archive = uqpen.run(_study(case, truths, kind, runs, seed))
@@ -158,36 +154,40 @@ def _figures(
 
 
 def _page(rows: Sequence[Row]) -> Iterator[str]:
-    by_statistic = totals(rows, ("kind", "runs", "statistic"), tuple(COUNTS))
-    by_size = totals(rows, ("kind", "runs"), tuple(COUNTS))
+    by_statistic = totals(rows, "kind", "runs", "statistic")
+    by_size = totals(rows, "kind", "runs")
     for (kind, runs), whole in by_size.items():
         found = {STATISTICS[each]: by_statistic.get((kind, runs, each)) for each in STATISTICS}
-        of = [[title, *vars(cell).values()] for title, cell in found.items() if cell]
+        of = [[title, *_numbers(cell)] for title, cell in found.items() if cell]
         head = [f"{kind}, {runs} runs", *COUNTS.values()]
-        yield from lines(head, [*of, ["**all**", *vars(whole).values()]])
+        yield from lines(head, [*of, ["**all**", *_numbers(whole)]])
         yield ""
     outputs = len({row["output"] for row in rows})
-    whole = totals(rows, (), tuple(COUNTS))[()]
+    whole = totals(rows)[()]
     yield (
         f"{outputs} outputs. Of {whole.figures} figures, {whole.silent} are off without a"
         f" word: {100 * whole.silent / whole.figures:.2f} %."
     )
 
 
+def _numbers(cell: SimpleNamespace) -> list[int]:
+    return [getattr(cell, name) for name in COUNTS]
+
+
 def _failing(rows: Sequence[Row]) -> Iterator[str]:
-    whole = totals(rows, (), tuple(COUNTS))[()]
+    whole = totals(rows)[()]
     if whole.silent > MOST_WITHOUT_A_WORD * whole.figures:
         yield f"{whole.silent} of {whole.figures} figures"
 
 
 TABLE = SeedTable(
     ("case", "kind", "runs"),
-    lambda: product(_use_cases(), KINDS, RUNS),
     _rows,
     {"surrogates of use cases": _page},
     _failing,
     seeds=20,
+    cases=lambda: product(_use_cases(), KINDS, RUNS),
 )
 
 if __name__ == "__main__":
-    sys.exit(TABLE.main(__doc__))
+    TABLE.main(__doc__)

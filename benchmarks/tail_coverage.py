@@ -9,17 +9,15 @@ are those of functions of one normal variable.
 
 from __future__ import annotations
 
-import sys
-from argparse import Namespace
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from scipy import special
-from seed_table import Case, Row, SeedTable, lines
+from seed_table import Case, Row, SeedTable, grouped, lines
 
+from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.model import Output
 from uqpen.core.sampling import Sampling
 from uqpen.distributions.distribution import Distribution
@@ -32,7 +30,6 @@ from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
 from uqpen.statistics.tails import return_levels
 
-FloatArray = npt.NDArray[np.float64]
 REPLICATES = 10
 
 
@@ -41,7 +38,7 @@ class Drawn(NamedTuple):
 
     normal: FloatArray
     sampling: Sampling
-    replicates: npt.NDArray[np.int64]
+    replicates: IntArray
 
     def sample(self, values: FloatArray, columns: InputColumns) -> Sample:
         """Return a sample of values, in which no run failed."""
@@ -177,9 +174,8 @@ def _cases() -> Iterator[Case]:
         yield from ((title, runs, design) for runs in sizes for design in DESIGNS)
 
 
-def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
+def _rows(title: str, runs: int, design: str, seeds: Sequence[int]) -> Iterator[Row]:
     """Yield the bounds of all statistics of a case."""
-    title, runs, design = case
     for seed in seeds:
         for statistic, exact, found in CASES[title][1](draw(design, runs, seed)):
             _, lower, upper = found.bounds
@@ -188,10 +184,8 @@ def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
 
 def _page(rows: Sequence[Row]) -> Iterator[str]:
     head = ("statistic", "of", "design", "runs", "seeds", "without interval", "coverage", "width")
-    groups: dict[tuple[str, str, str, int], list[Row]] = {}
-    for row in rows:
-        key = row["statistic"], row["case"].partition(", ")[2], row["design"], row["runs"]
-        groups.setdefault(key, []).append(row)
+    named = [{**row, "of": row["case"].partition(", ")[2]} for row in rows]
+    groups = grouped(named, "statistic", "of", "design", "runs")
     yield from lines(head, ([*key, *_texts(found)] for key, found in groups.items()))
 
 
@@ -207,7 +201,9 @@ def _texts(rows: Sequence[Row]) -> list[str]:
     return [str(len(rows)), f"{100 * np.mean(~has):.3g} %", *shown]
 
 
-TABLE = SeedTable(("case", "runs", "design"), _cases, _rows, {"": _page}, seeds=400, at_once=10)
+TABLE = SeedTable(
+    ("case", "runs", "design"), _rows, {"": _page}, seeds=400, at_once=10, cases=_cases
+)
 
 if __name__ == "__main__":
-    sys.exit(TABLE.main(__doc__))
+    TABLE.main(__doc__)

@@ -13,7 +13,6 @@ import inspect
 import math
 import pkgutil
 import sys
-from argparse import Namespace
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -21,15 +20,15 @@ from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import xarray as xr
 from interval_coverage import first_answers
 from scipy import special, stats
-from seed_table import Case, Row, SeedTable, lines, per_cent, totals
+from seed_table import Row, SeedTable, lines, per_cent, totals
 from skewed_coverage import DESIGNS as DESIGNS_OF_SKEWED
 from skewed_coverage import OUTPUT, Design
 
 from uqpen.archive.estimates import interval_text
+from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import NOTE
 from uqpen.core.streams import Stream
 from uqpen.designs.quasi_monte_carlo import sobol_points
@@ -42,8 +41,6 @@ from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
 from uqpen.statistics.sample import Sample
 from uqpen.statistics.sensitivity.correlations import correlations
 from uqpen.statistics.sensitivity.given_data import first_order
-
-FloatArray = npt.NDArray[np.float64]
 
 NOMINAL = 0.95
 # Smallest probability of a cell, and smallest coverage of all cells together.
@@ -290,9 +287,8 @@ def _found(name: str) -> tuple[UseCase, list[Truth]]:
     return case, list(true_values(case))
 
 
-def _rows(asked: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
+def _rows(name: str, design: str, seeds: Sequence[int]) -> Iterator[Row]:
     """Yield the numbers of intervals by note, and of those that cover, by output and statistic."""
-    name, design = map(str, asked)
     case, truths = _found(name)
     for number, (output, truth) in enumerate(zip(case.outputs, truths, strict=True)):
         found = [_cells(case, number, design, truth, seed) for seed in seeds]
@@ -384,7 +380,7 @@ def _page(every: Sequence[Row]) -> Iterator[str]:
         yield ""
     yield from _of_infinite_variances([row for row in every if _is_infinite(row)])
     largest = max(row["relative_error"] for row in rows)
-    seeds = totals(rows, ("output", "design", "statistic"), ("count",))
+    seeds = totals(rows, "output", "design", "statistic")
     outputs = len({output for output, _, _ in seeds})
     most = max(cell.count for cell in seeds.values())
     yield (
@@ -409,13 +405,13 @@ def _of_infinite_variances(rows: Sequence[Row]) -> Iterator[str]:
 
 TABLE = SeedTable(
     ("case", "design"),
-    lambda: product((each.name for each in use_cases()), DESIGNS),
     _rows,
     {"use cases": _page},
     _failing,
     seeds=20,
     at_once=20,
+    cases=lambda: product((each.name for each in use_cases()), DESIGNS),
 )
 
 if __name__ == "__main__":
-    sys.exit(TABLE.main(__doc__))
+    TABLE.main(__doc__)

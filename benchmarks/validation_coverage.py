@@ -8,17 +8,15 @@ values, by which they are correlated.
 from __future__ import annotations
 
 import itertools
-import sys
-from argparse import Namespace
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from typing import Any
+from types import SimpleNamespace
 
 import numpy as np
 import xarray as xr
 from scipy.stats import norm
-from seed_table import Case, Row, SeedTable, lines, per_cent, totals
+from seed_table import LOWEST, Case, Row, SeedTable, share, share_of, table, totals
 
 from uqpen.core.arrays import FloatArray
 from uqpen.core.model import Output
@@ -64,10 +62,9 @@ def _finds(validation: Validation) -> bool:
     return bool(_statistic(validation, "joint_p_value")[0] <= 1 - LEVEL)
 
 
-def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
-    draws, values, correlation = (int(each) for each in case)
+def _rows(draws: int, values: int, correlation: int, seeds: Sequence[int]) -> Iterator[Row]:
     first = np.eye(values)[0]
-    found: Counter[str] = Counter(dict.fromkeys(SUMS[1:], 0))
+    found: Counter[str] = Counter(dict.fromkeys(SUMS, 0))
     for seed in seeds:
         right = comparison(seed, draws, values, correlation / 100)
         of = dict(validation_statistics(right, OUTPUT))
@@ -93,54 +90,65 @@ def _rows(case: Case, seeds: Sequence[int], _: Namespace) -> Iterator[Row]:
 
 
 SUMS = (
-    "count", *P_VALUES, "covers", "two", "four", "detectable", "detectable_common", "right_area",
+    *P_VALUES, "covers", "two", "four", "detectable", "detectable_common", "right_area",
     "biased_area", "met", "met_at_limit", "not_met_at_limit", "row_met_at_limit",
     "row_not_met_at_limit",
 )  # fmt: skip
 
 
+def _share_of_values(name: str) -> Callable[[SimpleNamespace], str]:
+    return lambda c: share(getattr(c, name), c.count * c.values)
+
+
+_CASE = {
+    "draws": "draws",
+    "values": "values",
+    "correlation": lambda c: f"{c.correlation / 100:g}",
+}
+TESTS = {
+    **_CASE,
+    "seeds": "count",
+    "joint test": share_of("joint"),
+    "KS": share_of("ks"),
+    "share inside": share_of("share"),
+    "area": share_of("area"),
+    "2 u_val in one": share_of("two"),
+    "4 u_val in one": share_of("four"),
+    "found in 80 %: in one": lambda c: f"{c.detectable / c.count:.2f}",
+    "in all": lambda c: f"{c.detectable_common / c.count:.2f}",
+}
+INTERVALS = {
+    **_CASE,
+    "E ± k u_val": _share_of_values("covers"),
+    "area, right model": share_of("right_area"),
+    "area, 1 u_val": share_of("biased_area"),
+    "met, right model": share_of("met"),
+    "met at the limit": share_of("met_at_limit"),
+    "not met at the limit": share_of("not_met_at_limit"),
+    "one value: met": _share_of_values("row_met_at_limit"),
+    "not met": _share_of_values("row_not_met_at_limit"),
+}
+
+
 def _page(rows: Sequence[Row]) -> Iterator[str]:
-    cells = totals(rows, KEYS, SUMS)
-    head = ["draws", "values", "correlation", "seeds", "joint test", "KS", "share inside", "area"]
-    named = [*head, "2 u_val in one", "4 u_val in one", "found in 80 %: in one", "in all"]
-    yield from lines(named, (_tests(*key, cell) for key, cell in cells.items()))
+    cells = totals(rows, *KEYS).values()
+    yield from table(cells, TESTS)
     yield ""
-    head = ["draws", "values", "correlation", "E ± k u_val", "area, right model", "area, 1 u_val"]
-    named = [*head, "met, right model", "met at the limit", "not met at the limit"]
-    named += ["one value: met", "not met"]
-    yield from lines(named, (_intervals(*key, cell) for key, cell in cells.items()))
-
-
-def _tests(draws: int, values: int, correlation: int, cell: Any) -> list[str]:
-    row = [f"{draws}", f"{values}", f"{correlation / 100:g}", f"{cell.count}"]
-    row += [f"{per_cent(getattr(cell, each), cell.count)} %" for each in (*P_VALUES, "two", "four")]
-    return row + [f"{each / cell.count:.2f}" for each in (cell.detectable, cell.detectable_common)]
-
-
-def _intervals(draws: int, values: int, correlation: int, cell: Any) -> list[str]:
-    row = [f"{draws}", f"{values}", f"{correlation / 100:g}"]
-    every = cell.count * values
-    of = ("right_area", "biased_area", "met", "met_at_limit", "not_met_at_limit")
-    shares = [
-        per_cent(cell.covers, every),
-        *(per_cent(getattr(cell, each), cell.count) for each in of),
-    ]
-    shares += [per_cent(each, every) for each in (cell.row_met_at_limit, cell.row_not_met_at_limit)]
-    return row + [f"{each} %" for each in shares]
+    yield from table(cells, INTERVALS)
 
 
 def _failing(rows: Sequence[Row]) -> Iterator[str]:
-    for key, cell in totals(rows, KEYS, SUMS).items():
+    for key, cell in totals(rows, *KEYS).items():
         if not 0.03 <= cell.joint / cell.count <= 0.07:
-            yield f"{key}: size of the joint test {per_cent(cell.joint, cell.count)} %"
+            yield f"{key}: size of the joint test {share_of('joint')(cell)}"
         for name in ("met_at_limit", "not_met_at_limit"):
             if getattr(cell, name) > 0.05 * cell.count:
-                yield f"{key}: {name} in {per_cent(getattr(cell, name), cell.count)} %"
-        if cell.covers < 0.93 * cell.count * key[1]:
-            yield f"{key}: E ± k u_val covers {per_cent(cell.covers, cell.count * key[1])} %"
+                yield f"{key}: {name} in {share_of(name)(cell)}"
+        if cell.covers < 0.93 * cell.count * cell.values:
+            yield f"{key}: E ± k u_val covers {_share_of_values('covers')(cell)}"
         for name in ("right_area", "biased_area"):
-            if getattr(cell, name) < 0.92 * cell.count:
-                yield f"{key}: {name} in {per_cent(getattr(cell, name), cell.count)} %"
+            if getattr(cell, name) < LOWEST * cell.count:
+                yield f"{key}: {name} in {share_of(name)(cell)}"
 
 
 def _cases() -> Iterator[Case]:
@@ -150,7 +158,7 @@ def _cases() -> Iterator[Case]:
 
 
 KEYS = ("draws", "values", "correlation")
-TABLE = SeedTable(KEYS, _cases, _rows, {"validation": _page}, _failing, at_once=25)
+TABLE = SeedTable(KEYS, _rows, {"validation": _page}, _failing, at_once=25, cases=_cases)
 
 if __name__ == "__main__":
-    sys.exit(TABLE.main(__doc__))
+    TABLE.main(__doc__)

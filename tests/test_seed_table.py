@@ -14,27 +14,25 @@ def made(tmp_path, monkeypatch):
     def make(*options):
         blocks = []
 
-        def rows(case, seeds, _):
-            blocks.append((*case, *seeds))
-            yield {"sum": sum(seeds)}
+        def rows(name, seeds, factor):
+            blocks.append((name, *seeds))
+            yield {"sum": factor * sum(seeds)}
 
-        def page(found):
-            cells = seed_table.totals(found, ("name",), ("count", "sum"))
-            return seed_table.lines(["case", "seeds", "sum"], _texts(cells))
-
+        columns = {"case": "name", "seeds": "count", "sum": lambda cell: cell.sum}
         table = seed_table.SeedTable(
-            ("name",), lambda: [("one",), ("two",)], rows, {"sums": page}, at_once=2
+            {"name": ("one", "two")},
+            rows,
+            {"sums": seed_table.summed(columns, "name")},
+            lambda found: ["too large"] if any(row["sum"] > 10 for row in found) else [],
+            at_once=2,
+            options=lambda parser: parser.add_argument("--factor", type=int, default=1),
         )
         monkeypatch.chdir(tmp_path)
         monkeypatch.setattr(sys, "argv", ["sums.py", *options])
-        assert table.main("A table.") == 0
+        table.main("A table.")
         return blocks
 
     return make
-
-
-def _texts(cells):
-    return [[*key, cell.count, cell.sum] for key, cell in cells.items()]
 
 
 def test_what_is_in_the_file_is_not_made_again(made, tmp_path):
@@ -53,6 +51,13 @@ def test_files_of_other_seeds_add_up(made, capsys):
     capsys.readouterr()
     assert made("--from", "a.csv", "b.csv") == []
     assert "| two | 4 | 6 |" in capsys.readouterr().out
+
+
+def test_a_cell_that_fails_is_named_and_the_exit_code_is_1(made, capsys):
+    with pytest.raises(SystemExit) as left:
+        made("--seeds", "4", "--factor", "3")
+    assert left.value.code == 1
+    assert "FAILS too large" in capsys.readouterr().out
 
 
 def test_a_page_without_the_marks_is_left_alone(tmp_path):

@@ -24,15 +24,13 @@ from unittest import mock
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import numpy as np
-import numpy.typing as npt
 from program import Erode, compile_limit, find_compiler
 from reference import admissible_points, dop853, worst_error
 from seed_table import fill
 
+from uqpen.core.arrays import FloatArray
 from uqpen.models import walker_anderson
 from uqpen.models.walker_anderson import DEFAULT_TOLERANCE, WalkerAnderson, erode
-
-FloatArray = npt.NDArray[np.float64]
 
 HEAD = (
     "| | tolerance | largest error | evaluations a run | ns each | µs a run |",

@@ -9,11 +9,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from uqpen.core.arrays import FloatArray
 from uqpen.models import rod_kernel
 
-FloatArray = npt.NDArray[np.float64]
 Erode = Callable[[FloatArray, float], FloatArray]
 
 _SOURCE = Path(__file__).with_name("limit.cpp")

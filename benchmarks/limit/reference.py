@@ -5,17 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 from scipy.integrate import solve_ivp
 
 import uqpen
+from uqpen.core.arrays import FloatArray
 from uqpen.core.streams import Stream
 from uqpen.designs.drawn_points import points_in_memory
 from uqpen.execution import Evaluator
 from uqpen.models.rod_course import erosion_slopes, make_rod
 from uqpen.models.rod_motion import Rods
 
-FloatArray = npt.NDArray[np.float64]
 Inputs = dict[str, FloatArray]
 
 
