@@ -14,8 +14,8 @@ from scipy.stats import qmc
 from uqpen.core.errors import Problem, SettingsError, TableError
 from uqpen.core.lookup import resolve
 from uqpen.core.model import Input
-from uqpen.core.streams import BLOCK, Stream
-from uqpen.designs import DESIGNS, quadrature
+from uqpen.core.streams import Stream
+from uqpen.designs import DESIGNS
 from uqpen.designs.data import TableDesign
 from uqpen.designs.drawn_points import points_in_memory
 from uqpen.designs.latin_hypercube import LatinHypercube
@@ -122,13 +122,6 @@ def test_points_follow_the_law(design):
     error = 4 / design.run_count(LAW) ** 0.5
     assert float(drawn["length"].mean()) == pytest.approx(2.0, abs=0.577 * error)
     assert float(drawn["share"].mean()) == pytest.approx(0.0, abs=error)
-
-
-@pytest.mark.processor
-def test_more_runs_of_monte_carlo_keep_those_there_were():
-    few, many = points(MonteCarlo(10)), points(MonteCarlo(BLOCK + 10))
-    np.testing.assert_array_equal(few["share"], many["share"][:10])
-    assert len(np.unique(many["share"])) == BLOCK + 10
 
 
 @pytest.mark.slow
@@ -326,11 +319,3 @@ def test_a_sparse_grid_over_many_inputs_is_made_or_refused():
     (problem,) = Quadrature(3, "sparse").check_inputs(law_of_many(60))
     assert problem.found == "3, which over 60 random inputs combines 3.97e+04 grids"
     assert problem.expected == "at most 5000 grids: a lower order, or fewer inputs"
-
-
-def test_rows_are_distinguished_alike_with_and_without_numbers_of_them():
-    rows = np.random.default_rng(1).integers(0, 3, (200, 4))
-    short = quadrature._distinct_rows(rows, [3] * 4)
-    long = quadrature._distinct_rows(rows, [2**16] * 4)
-    for found, expected in zip(short, long, strict=True):
-        np.testing.assert_array_equal(found, expected)

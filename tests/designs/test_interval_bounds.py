@@ -82,11 +82,8 @@ def test_both_bounds_of_quantiles_are_found(study_of):
 def test_two_optima_of_three_intervals_are_told_apart(study_of):
     box = {"x": "0 ± 1"} | dict.fromkeys("efg", "{ interval = [-1, 1] }")
     study = study_of(TWO_OPTIMA, DESIGN, **box)
-    held = [
-        holds_both(uqpen.run(replace(study, seed=seed)), norm.sf(3.2), norm.sf(0.8))
-        for seed in range(10)
-    ]
-    assert sum(held) >= 9
+    for seed in range(4):  # each holds both in 98 % of seeds
+        assert holds_both(uqpen.run(replace(study, seed=seed)), norm.sf(3.2), norm.sf(0.8))
 
 
 def test_a_peak_that_the_polynomial_does_not_know_leaves_no_bounds_but_the_reason(study_of):

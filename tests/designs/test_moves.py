@@ -5,64 +5,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from designed_runs import REQUESTED, estimates_of, joint_of, points, runs_of
 
 import uqpen
 from uqpen.archive.estimates import interval_text
 from uqpen.archive.write import write
-from uqpen.core.model import Bounds, Input, Output
-from uqpen.core.streams import Stream
+from uqpen.core.model import Bounds
 from uqpen.designs.one_at_a_time import Morris, OneAtATime
-from uqpen.distributions.joint_distribution import FixedInput, JointDistribution, RandomInput
 from uqpen.distributions.univariate import Normal, Uniform
-from uqpen.execution import Evaluator, evaluate
-from uqpen.models.python_function import PythonFunction
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.statistics.analyze import analyze
-from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sensitivity.single_steps import mean_effect
 from uqpen.study.load import parse_study
 
 STUDIES = Path(__file__).parents[2] / "studies"
-OUTPUT = Output("y", "m")
-
-
-def law_of(given, bounds=None):
-    variables = {
-        name: Input(name, "m", bounds=(bounds or {}).get(name, Bounds())) for name in given
-    }
-    return JointDistribution(
-        tuple(
-            FixedInput(variables[name], entry, "m")
-            if isinstance(entry, float)
-            else RandomInput(variables[name], entry, "m")
-            for name, entry in given.items()
-        ),
-        tuple(variables.values()),
-    )
-
-
-def points(design, joint, name="mine"):
-    (only,) = design.rounds(joint, Stream(1, "designs", name))
-    return only
-
-
-def runs_of(design, joint, function, *, vectorized=True):
-    names = [variable.name for variable in joint.variables]
-    model = PythonFunction(
-        lambda **inputs: {"y": function(**inputs)},
-        "mine",
-        joint.variables,
-        (OUTPUT,),
-        dict.fromkeys([*names, "y"], "m"),
-        vectorized,
-    )
-    runs = evaluate(Evaluator(model), points(design, joint), {})
-    return runs.assign_attrs(sampling=str(design.sampling))
-
-
-def sensitivity(design, joint, function, *, vectorized=True):
-    runs = runs_of(design, joint, function, vectorized=vectorized)
-    return analyze(runs, [QuantityOfInterest(OUTPUT, "m")])["y"]
 
 
 def figure(found, name, entry):
@@ -74,7 +30,9 @@ def note(found, name, entry):
 
 
 class TestMorris:
-    LAW = law_of({"a": Uniform(0.0, 1.0), "b": Uniform(0.0, 1.0), "c": Uniform(0.0, 1.0), "f": 2.0})
+    LAW = joint_of(
+        {"a": Uniform(0.0, 1.0), "b": Uniform(0.0, 1.0), "c": Uniform(0.0, 1.0), "f": 2.0}
+    )
 
     def test_each_step_of_a_trajectory_moves_one_input_by_half_of_the_levels(self):
         drawn = points(Morris(20, levels=6), self.LAW)
@@ -103,17 +61,13 @@ class TestMorris:
         assert np.abs(counts - 1000).max() < 5 * math.sqrt(4000 * 0.25 * 0.75)
         assert abs((drawn["moved_by"].values > 0).sum() - 6000) < 5 * math.sqrt(12_000 / 4)
 
-    def test_more_trajectories_keep_those_there_were(self):
-        few, many = points(Morris(5), self.LAW), points(Morris(50), self.LAW)
-        assert few.identical(many.isel(run=slice(20)))
-
     def test_another_name_gives_other_trajectories_and_the_global_generator_is_left(self):
         before = np.random.get_state()[1].copy()  # noqa: NPY002 - what must not be touched
         assert not points(Morris(20), self.LAW).identical(points(Morris(20), self.LAW, "other"))
         np.testing.assert_array_equal(before, np.random.get_state()[1])  # noqa: NPY002
 
     def test_levels_of_an_unbounded_law_are_finite(self):
-        drawn = points(Morris(50), law_of({"a": Normal(0.0, 1.0)}))
+        drawn = points(Morris(50), joint_of({"a": Normal(0.0, 1.0)}))
         assert np.abs(drawn["a"].values).max() < 1
 
     def test_effects_are_salibs(self):
@@ -122,7 +76,7 @@ class TestMorris:
         def function(a, b, c, f):
             return f * a + b**2 * c - 3 * a * c
 
-        found = sensitivity(Morris(30), self.LAW, function)
+        found = estimates_of(Morris(30), self.LAW, function)
         runs = runs_of(Morris(30), self.LAW, function)
         names = ["a", "b", "c"]
         problem = {"num_vars": 3, "names": names, "bounds": [[0, 1]] * 3}
@@ -135,7 +89,7 @@ class TestMorris:
                 assert figure(found, figure_name, name) == pytest.approx(expected, rel=1e-10)
 
     def test_a_linear_effect_is_known_and_has_no_scatter(self):
-        found = sensitivity(Morris(10), self.LAW, lambda a, b, c, f: 3 * a - 2 * b + 0 * c)
+        found = estimates_of(Morris(10), self.LAW, lambda a, b, c, f: 3 * a - 2 * b + 0 * c)
         assert figure(found, "mu", "a") == pytest.approx(3.0, rel=1e-12)
         assert figure(found, "mu", "b") == pytest.approx(-2.0, rel=1e-12)
         assert figure(found, "mu_star", "b") == pytest.approx(2.0, rel=1e-12)
@@ -166,9 +120,7 @@ class TestMorris:
         truth = np.abs(whole[2:] - whole[:2]).mean() / 0.4
         held = 0
         for start in range(0, runs.sizes["run"], 40):
-            found = analyze(
-                runs.isel(run=slice(start, start + 40)), [QuantityOfInterest(OUTPUT, "m")]
-            )
+            found = analyze(runs.isel(run=slice(start, start + 40)), REQUESTED)
             reported = found["y"]["mu_star"].sel(input="a")
             held += bool(reported.sel(bound="lower") <= truth <= reported.sel(bound="upper"))
         # Of 60 with ten trajectories each; benchmarks/elementary_effects_coverage.py measures 93 %
@@ -176,7 +128,7 @@ class TestMorris:
         assert held > 47
 
     def test_few_trajectories_carry_a_note(self):
-        found = sensitivity(Morris(4), self.LAW, lambda a, b, c, f: a * b + c)
+        found = estimates_of(Morris(4), self.LAW, lambda a, b, c, f: a * b + c)
         assert "only 4 effects" in note(found, "mu_star", "a")
 
     def test_an_effect_that_is_rare_carries_a_note(self):
@@ -196,7 +148,7 @@ class TestMorris:
         for run in lost:
             status[run], values[run] = 2, math.nan
         runs = runs.assign(status=("run", status, runs["status"].attrs), y=("run", values))
-        found = analyze(runs, [QuantityOfInterest(OUTPUT, "m")])["y"]
+        found = analyze(runs, REQUESTED)["y"]
         notes = [note(found, "mu", name) for name in "abc"]
         reported = sum(
             int(text.split("; ")[-1].split(" of ")[0]) for text in notes if " of 20" in text
@@ -207,7 +159,7 @@ class TestMorris:
 
     @pytest.mark.parametrize("bad", [lambda: math.nan, lambda: 1 // 0], ids=["nan", "exception"])
     def test_lost_runs_are_counted_and_change_no_other_effect(self, bad):
-        found = sensitivity(
+        found = estimates_of(
             Morris(40),
             self.LAW,
             lambda a, b, c, f: bad() if min(a, b, c) > 0.5 else 3 * a - 2 * b + c,
@@ -219,14 +171,14 @@ class TestMorris:
             assert "of 40 effects are missing because a run failed" in note(found, "sigma", name)
 
     def test_inadmissible_runs_are_counted(self):
-        joint = law_of({"a": Uniform(0.0, 1.0), "b": Uniform(0.0, 1.0)}, {"a": Bounds(lower=0.3)})
-        found = sensitivity(Morris(40), joint, lambda a, b: a + b)
+        joint = joint_of({"a": Uniform(0.0, 1.0), "b": Uniform(0.0, 1.0)}, {"a": Bounds(lower=0.3)})
+        found = estimates_of(Morris(40), joint, lambda a, b: a + b)
         assert found["mu"].attrs["runs_inadmissible"] > 0
         assert found["mu"].attrs["conditional_on"] == "admissible inputs"
         assert figure(found, "mu", "b") == pytest.approx(1.0, rel=1e-12)
 
     def test_with_no_run_left_there_is_no_figure(self):
-        found = sensitivity(Morris(4), self.LAW, lambda a, b, c, f: a * math.nan)
+        found = estimates_of(Morris(4), self.LAW, lambda a, b, c, f: a * math.nan)
         for name in ("mu", "mu_star", "sigma"):
             assert np.isnan(found[name].values).all()
             assert note(found, name, "a")
@@ -235,15 +187,15 @@ class TestMorris:
 @pytest.mark.parametrize(("side", "response"), [("backward", 2 - 0.01), ("forward", 2 + 0.01)])
 def test_a_difference_may_be_of_one_side(side, response):
     design = OneAtATime(0.01, difference=side)
-    joint = law_of({"a": Normal(3.0, 0.1)})
+    joint = joint_of({"a": Normal(3.0, 0.1)})
     assert points(design, joint).sizes["run"] == design.run_count(joint) == 2
-    found = sensitivity(design, joint, lambda a: a**2)
+    found = estimates_of(design, joint, lambda a: a**2)
     assert figure(found, "response", "a") == pytest.approx(response)
     assert "as the design says" in note(found, "response", "a")
 
 
 class TestOneAtATime:
-    LAW = law_of({"a": Normal(2.0, 0.2), "b": Uniform(1.0, 5.0), "f": 4.0, "zero": 0.0})
+    LAW = joint_of({"a": Normal(2.0, 0.2), "b": Uniform(1.0, 5.0), "f": 4.0, "zero": 0.0})
 
     def test_points_are_the_nominal_one_and_two_for_each_random_input(self):
         drawn = points(OneAtATime(0.1), self.LAW)
@@ -256,7 +208,7 @@ class TestOneAtATime:
 
     @pytest.mark.parametrize("exponent", [-2.0, -0.5, 0.3, 1.0, 3.0])
     def test_the_response_of_a_power_law_is_its_exponent(self, exponent):
-        found = sensitivity(OneAtATime(), self.LAW, lambda a, b, f, zero: 7 * a**exponent / b)
+        found = estimates_of(OneAtATime(), self.LAW, lambda a, b, f, zero: 7 * a**exponent / b)
         # The third derivative leaves a term of the square of the step.
         allowed = abs(exponent * (exponent - 1) * (exponent - 2)) / 6 * 0.01**2 * 1.1 + 1e-12
         assert figure(found, "response", "a") == pytest.approx(exponent, abs=allowed)
@@ -269,37 +221,37 @@ class TestOneAtATime:
 
     def test_fixed_inputs_are_moved_where_that_is_asked(self):
         design = OneAtATime(fixed=True)
-        found = sensitivity(design, self.LAW, lambda a, b, f, zero: a * f**2)
+        found = estimates_of(design, self.LAW, lambda a, b, f, zero: a * f**2)
         assert found["response"]["input"].values.tolist() == ["a", "b", "f"]
         assert figure(found, "response", "f") == pytest.approx(2.0, rel=1e-9)
         assert math.isnan(figure(found, "contribution", "f"))
         assert note(found, "contribution", "f") == "a fixed input has no uncertainty"
 
     def test_a_step_from_zero_is_relative_to_the_spread(self):
-        joint = law_of({"a": Normal(0.0, 2.0), "b": Uniform(1.0, 3.0)})
+        joint = joint_of({"a": Normal(0.0, 2.0), "b": Uniform(1.0, 3.0)})
         half_spread = 2.0 * 0.9944578832097532
         drawn = points(OneAtATime(0.01), joint)
         np.testing.assert_allclose(
             drawn["a"].values[1:3], [-0.01 * half_spread, 0.01 * half_spread]
         )
-        found = sensitivity(OneAtATime(), joint, lambda a, b: 10 + a)
+        found = estimates_of(OneAtATime(), joint, lambda a, b: 10 + a)
         assert figure(found, "response", "a") == pytest.approx(half_spread / 10, rel=1e-9)
         assert figure(found, "contribution", "a") == pytest.approx(0.2, rel=1e-9)
         assert "its nominal value is 0" in note(found, "response", "a")
         assert "nominal value is 0" not in note(found, "response", "b")
 
     def test_a_negative_nominal_value_has_the_same_response(self):
-        found = sensitivity(OneAtATime(), law_of({"a": Normal(-2.0, 0.5)}), lambda a: 3 * a**3)
+        found = estimates_of(OneAtATime(), joint_of({"a": Normal(-2.0, 0.5)}), lambda a: 3 * a**3)
         assert figure(found, "response", "a") == pytest.approx(3.0, abs=1.1e-4)
         assert figure(found, "contribution", "a") == pytest.approx(0.75, rel=1e-3)
 
     def test_a_curved_response_says_so(self):
-        found = sensitivity(OneAtATime(0.3), self.LAW, lambda a, b, f, zero: a**3 + 0 * b)
+        found = estimates_of(OneAtATime(0.3), self.LAW, lambda a, b, f, zero: a**3 + 0 * b)
         assert "nonlinear" in note(found, "response", "a")
         assert "nonlinear" not in note(found, "response", "b")
 
     def test_a_step_that_lost_a_side_is_of_the_other(self):
-        found = sensitivity(
+        found = estimates_of(
             OneAtATime(),
             self.LAW,
             lambda a, b, f, zero: math.nan if a > 2 else 1 // 0 if b < 3 else a * b,
@@ -312,13 +264,13 @@ class TestOneAtATime:
         assert "from the step up only" in note(found, "response", "b")
 
     def test_a_step_out_of_the_models_domain_is_inadmissible(self):
-        joint = law_of({"a": Normal(2.0, 0.2), "b": Normal(1.0, 0.1)}, {"a": Bounds(upper=2.01)})
-        found = sensitivity(OneAtATime(), joint, lambda a, b: a * b)
+        joint = joint_of({"a": Normal(2.0, 0.2), "b": Normal(1.0, 0.1)}, {"a": Bounds(upper=2.01)})
+        found = estimates_of(OneAtATime(), joint, lambda a, b: a * b)
         assert found["response"].attrs["runs_inadmissible"] == 1
         assert "from the step down only" in note(found, "response", "a")
 
     def test_a_step_that_lost_both_sides_has_no_response(self):
-        found = sensitivity(
+        found = estimates_of(
             OneAtATime(), self.LAW, lambda a, b, f, zero: np.where(a == 2, a * b, math.nan)
         )
         assert math.isnan(figure(found, "response", "a"))
@@ -337,7 +289,7 @@ class TestOneAtATime:
         ],
     )
     def test_without_a_nominal_output_there_is_no_response(self, function, reason):
-        found = sensitivity(OneAtATime(), self.LAW, function)
+        found = estimates_of(OneAtATime(), self.LAW, function)
         for name in ("response", "contribution"):
             assert np.isnan(found[name].values).all()
             assert reason in note(found, name, "a")
@@ -362,12 +314,12 @@ class TestOneAtATime:
 
 @pytest.mark.parametrize("design", [Morris(4), OneAtATime()], ids=str)
 def test_an_input_that_a_model_does_not_vary_has_no_figure(design):
-    joint = law_of({"a": Normal(2.0, 0.2), "b": Normal(3.0, 0.2)})
+    joint = joint_of({"a": Normal(2.0, 0.2), "b": Normal(3.0, 0.2)})
     runs = runs_of(design, joint, lambda a, b: a * b)
     # What another model makes of the points: a value of its own for one input.
-    found = analyze(runs.assign(b=((), 3.0)), [QuantityOfInterest(OUTPUT, "m")])["y"]
+    found = analyze(runs.assign(b=((), 3.0)), REQUESTED)["y"]
     assert {str(each["input"].item()) for each in found.values()} == {"a"}
-    found = analyze(runs.drop_vars("a"), [QuantityOfInterest(OUTPUT, "m")])["y"]
+    found = analyze(runs.drop_vars("a"), REQUESTED)["y"]
     assert {str(each["input"].item()) for each in found.values()} == {"b"}
     assert np.isfinite(next(iter(found.values())).isel(bound=0).item())
 

@@ -10,14 +10,12 @@ from types import SimpleNamespace
 import chaospy
 import numpy as np
 import pytest
+from designed_runs import law_of, points
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from study_text import study_text
 
-import uqpen
 from uqpen.core.errors import SettingsError, StudyError
-from uqpen.core.model import Input
-from uqpen.core.streams import Stream
 from uqpen.designs.quadrature import (
     NESTED_RULES,
     Quadrature,
@@ -25,7 +23,6 @@ from uqpen.designs.quadrature import (
     node_counts,
     univariate_rules,
 )
-from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
 from uqpen.distributions.univariate import (
     Beta,
     Gamma,
@@ -36,7 +33,6 @@ from uqpen.distributions.univariate import (
     Uniform,
 )
 from uqpen.study.load import parse_study
-from uqpen.verification.check_result import CheckOutcome
 
 # Sums of some hundred rounded products.
 ROUNDING = 1e-12
@@ -59,17 +55,6 @@ ACCEPTED = {
     **{f"genz-keister-{variant}": [NORMAL] for variant in (16, 18, 22, 24)},
 }
 PAIRS = [(rule, distribution) for rule, accepted in ACCEPTED.items() for distribution in accepted]
-
-
-def law_of(*distributions):
-    inputs = tuple(Input(f"x{number}", "m") for number in range(1, 1 + len(distributions)))
-    random = tuple(map(RandomInput, inputs, distributions, ["m"] * len(inputs)))
-    return JointDistribution(random, inputs)
-
-
-def points(design, joint):
-    (only,) = design.rounds(joint, Stream(1, "designs", "mine"))
-    return only
 
 
 def moment(distribution, degree):
@@ -136,7 +121,7 @@ def test_genz_and_keisters_weights_are_chaospys(variant, order):
     np.testing.assert_allclose(weights, expected, rtol=0, atol=1e-10)
 
 
-@settings(max_examples=50)
+@settings(max_examples=25)
 @given(st.sampled_from(PAIRS), st.integers(0, 4), st.integers(0, 4))
 def test_the_points_of_a_lower_order_are_among_those_of_a_higher(pair, one, other):
     rule, distribution = pair
@@ -287,18 +272,3 @@ def test_gausss_rule_and_a_check_load_no_chaospy():
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=Path.cwd()
     )
     assert done.stdout.strip() == "False"
-
-
-@pytest.mark.slow
-def test_archives_are_the_same_with_any_workers(tmp_path):
-    study = uqpen.Study(
-        model=uqpen.Ishigami(),
-        inputs={name: uqpen.Uniform(-math.pi, math.pi) for name in ("x1", "x2", "x3")},
-        designs={"nested": uqpen.Quadrature(order=4, rule="leja", grid="sparse")},
-        seed=1,
-    )
-    one, two = tmp_path / "one.nc", tmp_path / "two.nc"
-    uqpen.make_archive(study, one)
-    uqpen.make_archive(study, two, workers=2)
-    assert one.read_bytes() == two.read_bytes()
-    assert {check.verdict for check in uqpen.verify(one)} == {CheckOutcome.EQUAL}

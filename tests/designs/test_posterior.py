@@ -1,5 +1,6 @@
 """Posteriors: exact ones, two modes, failed runs, interruption, and what the replicates say."""
 
+import functools
 import math
 import re
 from dataclasses import replace
@@ -56,6 +57,7 @@ discrepancy = pytest.importorskip("discrepancy", reason="the folder of benchmark
 REPLICATES = 16
 
 
+@functools.cache
 def sampled(name, seed=2, **settings):
     problem = calibration.KNOWN[name].problem
     return calibration.posterior_sample(problem, Stream(seed, "test"), **settings)
@@ -107,15 +109,6 @@ def interrupted(asked_of, rounds, **settings):
         except StopIteration:
             break
     return made, found
-
-
-def test_a_sampler_is_where_it_was_when_it_is_sent_its_runs_again():
-    settings = {"dimension": 2, "particles": 100, "replicates": 4, "at_most": 10**6}
-    made, found = interrupted(lambda z: -50 * ((z - 0.4) ** 2).sum(axis=1), 99, **settings)
-    again = sample_posterior(stream=Stream(3, "test"), **settings)
-    for points, results in zip(made[:5], [None, *found], strict=False):
-        same = next(again) if results is None else again.send(results)
-        assert all(np.array_equal(*both) for both in zip(points, same, strict=True))
 
 
 def test_a_round_has_all_replicates_and_no_replicate_depends_on_another():
@@ -271,32 +264,37 @@ def calibrated(folder, text, model=MODEL):
     return tree
 
 
-def test_a_study_keeps_the_posterior_of_a_line(tmp_path):
-    tree = calibrated(tmp_path, POSTERIOR)
-    kept = tree["calibrations/fit"]
+@pytest.fixture(scope="module")
+def line(tmp_path_factory):
+    """The archive of the posterior of a line."""
+    return calibrated(tmp_path_factory.mktemp("line"), POSTERIOR)
+
+
+def test_a_study_keeps_the_posterior_of_a_line(line):
+    kept = line["calibrations/fit"]
     mean, std = kept["posterior_mean"].values[:, 0], kept["posterior_std"].values[:, 0]
     # Of 800 draws at least 400 are effective.
     assert mean == pytest.approx([1.0899, 1.9400], abs=3 * 0.17 / math.sqrt(400))
     assert std == pytest.approx([0.1673, 0.0894], rel=0.12)
     assert kept["log_evidence"].values[0] == pytest.approx(-7.6099, abs=0.3)
-    line = np.column_stack([np.ones(4), np.arange(4)])
-    covariance = np.linalg.inv(line.T @ line / 0.2**2 + np.eye(2) / 10**2)
-    spread = np.sqrt(np.diag(line @ covariance @ line.T))
+    design = np.column_stack([np.ones(4), np.arange(4)])
+    covariance = np.linalg.inv(design.T @ design / 0.2**2 + np.eye(2) / 10**2)
+    spread = np.sqrt(np.diag(design @ covariance @ design.T))
     assert kept["predicted_std"].values == pytest.approx(spread, rel=0.12)
     assert kept["measured_std"].values == pytest.approx(np.full(4, 0.2))
     assert kept["prior_std"].values == pytest.approx([10.0, 10.0], rel=0.05)
     assert kept["posterior_mean"].attrs["interval_level"] == 0.95
-    draws = tree["runs/fit/draw"].values.tolist()
+    draws = line["runs/fit/draw"].values.tolist()
     assert draws == [*range(len(draws))]
     names = [kept[each].attrs["long_name"] for each in ("posterior_mean", "log_evidence")]
     assert names == ["unknowns, each in its SI unit", "logarithm of the evidence"]
-    names = [table.title for table in output_tables(tree)]
+    names = [table.title for table in output_tables(line)]
     assert {"fit: posterior", "fit: fit"} <= {*names}
-    assert archive_json(tree)["designs"]["fit"]["calibrations"]["sampled_well"] in (0.0, 1.0)
+    assert archive_json(line)["designs"]["fit"]["calibrations"]["sampled_well"] in (0.0, 1.0)
 
 
-def test_groups_are_those_that_arviz_reads(tmp_path):
-    kept = calibrated(tmp_path, POSTERIOR)["calibrations/fit"]
+def test_groups_are_those_that_arviz_reads(line):
+    kept = line["calibrations/fit"]
     groups = ["posterior", "posterior_predictive", "log_likelihood", "prior", "prior_predictive"]
     others = ["log_prior", "observed_data", "constant_data", "sample_stats"]
     assert [*kept.children] == [*groups, *others]
@@ -463,8 +461,8 @@ def test_too_few_particles_for_what_varies_are_refused(tmp_path):
         uqpen.parse_study(text, folder=tmp_path)
 
 
-def test_the_page_says_what_a_posterior_says(tmp_path):
-    ((_, text),) = posterior_statements(calibrated(tmp_path, POSTERIOR))
+def test_the_page_says_what_a_posterior_says(line, tmp_path):
+    ((_, text),) = posterior_statements(line)
     assert re.search(r"^The measurements of line leave a = 1\.\d+ .*, b = 1\.\d+ ", text)
     assert " sampled well" in text
     model = "def line(a, b):\n    return {'y': [float('nan') if b % 1 > 0.9 else a] * 5}\n"

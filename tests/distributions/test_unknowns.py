@@ -1,5 +1,7 @@
 """Unknowns of distributions: draws of fitted parameters, their predictive distribution, boxes."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 import scipy
@@ -33,6 +35,7 @@ TRUTH = {
 AT = np.array([1e-6, 0.001, 0.05, 0.5, 0.95, 0.999])
 
 
+@cache
 def fitted(family, seed=0, specimens=8):
     rng = np.random.default_rng(seed)
     values = TRUTH[family].ppf(rng.random(specimens))
@@ -113,18 +116,18 @@ def test_a_gamma_posterior_is_that_of_its_density_by_quadrature():
 
 
 def test_intervals_over_the_draws_hold_a_probability_as_often_as_they_say():
-    # A sample of benchmarks/unknowns_coverage.py: 40 data sets, three standard errors below 95 %.
+    # A sample of benchmarks/unknowns_coverage.py: 20 data sets, three standard errors below 95 %.
     truth, held, below = TRUTH["normal"], np.zeros(2), []
     at = truth.ppf(np.array([0.05, 0.001]))
-    for seed in range(40):
+    for seed in range(20):
         unknown, _ = fitted("normal", seed)
         drawn = np.array([(each.mean, each.std) for each in unknown.draws])
         found = scipy.special.ndtr((at - drawn[:, :1]) / drawn[:, 1:])
         low, high = np.quantile(found, [0.025, 0.975], axis=0)
         held += (low <= [0.05, 0.001]) & (high >= [0.05, 0.001])
         below.append(truth.cdf(unknown.predictive.ppf(np.array(0.05))))
-    assert (held >= 34).all()
-    assert np.mean(below) == pytest.approx(0.05, abs=0.025)
+    assert (held >= 16).all()
+    assert np.mean(below) == pytest.approx(0.05, abs=0.035)
 
 
 def test_truncated_draws_are_mixed():

@@ -1,5 +1,7 @@
 """Statistics of an output that some runs do not have: they are of the others, and say so."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -36,12 +38,19 @@ DESIGNS = {
     "replicated": uqpen.LatinHypercube(runs=400, replicates=20),
     "pick-freeze": uqpen.Saltelli(base=64, replicates=8),
 }
+
+
+@cache
+def made(design):
+    return uqpen.run(study(DESIGNS[design]))
+
+
 CONDITION = "its existence (curve never exceeds 0.5 in {share:.3g} % of the completed runs)"
 
 
 @pytest.fixture(scope="module", params=DESIGNS)
 def tree(request):
-    return uqpen.run(study(DESIGNS[request.param]))
+    return made(request.param)
 
 
 def sampled(tree):
@@ -97,7 +106,7 @@ def test_tables_and_json_say_it(tree):
 
 
 def test_indices_of_blocks_are_of_those_with_values():
-    tree = uqpen.run(study(DESIGNS["pick-freeze"]))
+    tree = made("pick-freeze")
     first = tree["statistics/d/crossing/first_order"]
     assert first.attrs["estimand"].endswith("; blocks with a run without a value are left out")
     whole = tree["statistics/d/plain/first_order"]

@@ -86,10 +86,14 @@ def assert_same(last, whole):
         ]
 
 
+@pytest.fixture(scope="module")
+def tree():
+    return uqpen.run(uqpen.parse_study(STUDY))
+
+
 @pytest.mark.processor
 @pytest.mark.slow
-def test_the_last_part_is_what_the_archive_tells():
-    tree = uqpen.run(uqpen.parse_study(STUDY))
+def test_the_last_part_is_what_the_archive_tells(tree):
     for design in ("independent", "replicated", "blocks"):
         archived = SourceStatistics(tree).statistics(design, "y")
         answers = followed(archived)
@@ -100,8 +104,7 @@ def test_the_last_part_is_what_the_archive_tells():
 
 
 @pytest.mark.slow
-def test_it_is_in_no_table_unless_it_is_asked_for():
-    tree = uqpen.run(uqpen.parse_study(STUDY))
+def test_it_is_in_no_table_unless_it_is_asked_for(tree):
     detailed = {"percentile", "convergence_mean", "convergence_quantile", "convergence_exceedance"}
     assert not detailed & set(long_table(tree)["statistic"])
     assert detailed <= set(long_table(tree, functions=True)["statistic"])

@@ -100,7 +100,7 @@ def test_estimates_are_those_of_scipy():
 
 @pytest.mark.slow
 @given(seed=st.integers(0, 1000), power=st.sampled_from([1, 3, 5]))
-@settings(max_examples=20)
+@settings(max_examples=8)
 def test_rank_correlations_keep_under_monotone_transforms(seed, power):
     drawn = sample(seed, runs=60)
     other = replace(
@@ -116,7 +116,7 @@ def test_rank_correlations_keep_under_monotone_transforms(seed, power):
 @pytest.mark.processor
 @pytest.mark.slow
 @given(seed=st.integers(0, 1000), shift=st.integers(-100, 100))
-@settings(max_examples=20)
+@settings(max_examples=8)
 def test_order_of_runs_and_origin_of_the_output_do_not_matter(seed, shift):
     drawn = sample(seed, runs=250)
     order = np.random.default_rng(seed).permutation(drawn.size)
@@ -186,13 +186,6 @@ def test_an_input_that_does_not_vary_changes_no_other_one():
         # Sums of more columns round otherwise.
         assert beside[name].values[:3] == pytest.approx(array.values, abs=1e-12)
         assert np.isnan(beside[name].values[3]).all()
-
-
-def test_one_input_has_partial_correlations_equal_to_simple_ones():
-    drawn = sample(0)
-    alone = replace(drawn, columns=InputColumns.from_matrix(("x1",), drawn.points[:, :1]))
-    answers = dict(correlations(alone, QUESTION))
-    assert np.array_equal(answers["partial"].values, answers["pearson"].values)
 
 
 def test_on_heavy_tails_and_few_runs_only_ranks_have_intervals():

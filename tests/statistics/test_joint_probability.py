@@ -166,11 +166,6 @@ def test_the_page_has_a_sentence_of_each(tree):
     assert "The limit of the study, at most 10 %, is not met: the whole interval lies" in page
 
 
-def test_without_events_there_is_no_group():
-    made = study({})
-    assert made.joint_events == ()
-
-
 @pytest.mark.parametrize(
     ("written", "place", "found", "expected"),
     [

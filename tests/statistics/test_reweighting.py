@@ -7,7 +7,6 @@ import math
 import numpy as np
 import pytest
 from reweighting_coverage import SETTINGS, compared, estimates
-from scipy import special
 
 from uqpen.core.model import Input
 from uqpen.distributions.copulas import ClaytonCopula, GaussianCopula
@@ -201,26 +200,11 @@ def test_rule_for_probabilities():
     assert known.tolist() == [True, True, False, False]
 
 
-def test_mixture_as_the_density_of_the_draws():
-    """One design over both ends of a box serves the distributions at either end."""
-    ends = Normal(0, 1), Normal(1, 1.5)
-    of_draws = joint(Mixture(ends))
-    x = draws(of_draws, 4000)
-    for each, probability in zip(ends, special.ndtr([-3.0, -4 / 3]), strict=True):
-        weights = np.exp(log_weights(x, of_draws, joint(each)))
-        share, error = weighted_share(x["x0"] > 3, weights)
-        lower, upper = weighted_probability_interval(share, error, weights, 0.999)
-        assert lower < probability < upper
-        assert float(effective_share(weights)) == pytest.approx(
-            expected_weights(of_draws, joint(each)).share, rel=0.1
-        )
-
-
 def test_intervals_cover_where_the_rule_lets_them():
     """P(x > 1.645 + shift) of a shifted normal: accepted ones cover at their level."""
     rng = np.random.default_rng(3)
     of_draws, covered, accepted = joint(Normal(0, 1)), 0, 0
-    for _ in range(400):
+    for _ in range(200):
         shift, scale = rng.uniform(0, 0.8), rng.uniform(0.8, 1.15)
         x = {"x0": rng.standard_normal(1500)}
         weights = np.exp(log_weights(x, of_draws, joint(Normal(shift, scale))))
@@ -230,7 +214,7 @@ def test_intervals_cover_where_the_rule_lets_them():
         lower, upper = weighted_probability_interval(*weighted_share(event, weights), weights, 0.95)
         accepted += 1
         covered += bool(lower <= 0.1 <= upper)
-    assert accepted > 250
+    assert accepted > 125
     assert covered / accepted > 0.92
 
 

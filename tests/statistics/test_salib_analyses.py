@@ -12,14 +12,11 @@ from SALib.analyze import dgsm, fast, ff, pawn, rbd_fast
 
 from uqpen.archive.estimates import interval_text, unpack
 from uqpen.charts.measures import part_charts, salib_charts
-from uqpen.checkpoints.make_archive import make_archive
 from uqpen.core.errors import StudyError
 from uqpen.results.archive_view import ArchiveView
 from uqpen.statistics import texts
 from uqpen.statistics.sensitivity.salib_analyses import call_salib
 from uqpen.study.load import parse_study
-from uqpen.verification.check_result import CheckOutcome
-from uqpen.verification.verify import verify
 from uqpen.workflow import run
 
 ISHIGAMI = "np.sin(x1) + 7 * np.sin(x2) ** 2 + 0.1 * x3**4 * np.sin(x1)"
@@ -172,14 +169,6 @@ class TestOfGivenRuns:
         for name in ("salib_rbd_fast", "salib_pawn", "salib_rsa", "salib_delta"):
             assert np.isnan(found[name]).all(), name
             assert reason in str(np.ravel(estimate_of(found, name)["note"].values)[0]), name
-
-    def test_an_archive_is_verified(self, tmp_path):
-        path = tmp_path / "a.nc"
-        validated = study(tmp_path, '["salib:rbd_fast", "salib:pawn"]')
-        make_archive(validated, path)
-        results = verify(path, trust=True)
-        (found,) = (each for each in results if each.name == "statistics")
-        assert found.verdict is CheckOutcome.EQUAL
 
 
 def estimate_of(dataset, name):

@@ -244,11 +244,10 @@ def test_a_box_has_two_curves_and_a_fitted_input_one_in_a_band(box, fitted):
     assert "95 % of all parameters that fit as well" in {key.text for key in chart.keys}
 
 
-def test_the_total_over_both_is_computed_and_no_narrower_than_a_part(study_of, tmp_path):
-    (tmp_path / "x.csv").write_text("x\n" + "\n".join(map(str, SPECIMENS)))
+def test_the_total_over_both_is_computed_and_no_narrower_than_a_part(study_of, measured):
     box = "{ normal = { mean = [0, 1], std = 1 } }"
     text = '[outputs.y]\nexceeds = [12]\n[designs.some]\nkind = "monte-carlo"\nruns = 4000'
-    study = study_of("x + z", text, x=MEASURED, z=box)
+    study = study_of("x + z", text, x=measured, z=box)
     tree = uqpen.run(study)
     found = stated(tree)
     _, lower, upper = found["total_exceedance"].values[0]
@@ -376,10 +375,9 @@ def test_a_statement_is_by_the_design_that_has_the_interval_and_names_its_surrog
     assert mean.total.definition.endswith("; without surrogate one and surrogate two")
 
 
-def test_events_of_several_outputs_have_the_interval_over_the_draws(study_of, tmp_path):
-    (tmp_path / "x.csv").write_text("x\n" + "\n".join(map(str, SPECIMENS)))
+def test_events_of_several_outputs_have_the_interval_over_the_draws(study_of, measured):
     text = '[joint_probabilities]\nlow = ["y < 8"]\n[outputs.y]\nbelow = [8]\n[designs.some]\n'
-    tree = uqpen.run(study_of("x", text + 'kind = "monte-carlo"\nruns = 1000', x=MEASURED))
+    tree = uqpen.run(study_of("x", text + 'kind = "monte-carlo"\nruns = 1000', x=measured))
     joint = SourceStatistics(tree).joint_statistics("some")["fitted_joint_probability"]
     assert joint.values[0] == pytest.approx(stated(tree)["fitted_below"].values[0])
     said = " ".join(summary_lines(tree)).replace("\u00a0", " ")

@@ -1,6 +1,5 @@
 """A statistic from a file of the user's own: in an archive and all that is made of it."""
 
-import json
 import re
 from pathlib import Path
 
@@ -141,13 +140,6 @@ class TestInAnArchive:
         assert tree["files"]["name"].values.tolist() == ["spread.py"]
         assert tree["files"]["content"].values.tolist() == [SPREAD]
 
-    def test_workers_change_no_byte(self, made, command_line):
-        Path("spread.py").write_text(SPREAD)
-        Path("study.toml").write_text(STUDY)
-        done = command_line("study", "study.toml", "-o", "two.nc", "--workers", "2")
-        assert done.code == 0, done.err
-        assert Path("two.nc").read_bytes() == (made / "a.nc").read_bytes()
-
     def test_it_decides_no_run(self, tmp_path):
         prints = []
         for number in range(2):
@@ -189,14 +181,6 @@ class TestShown:
         assert cells["interquartile range"][0].split()[0] == f"{in_cm:.4g}"
         in_m = archived["trimmed_range"].values[1, 0]
         assert cells["trimmed range (trim=0.2) [m]"][0].split()[0] == f"{in_m:.4g}"
-
-    def test_by_the_command_line(self, uqpen_beside):
-        done = uqpen_beside("show", "a.nc")
-        assert done.code == 0, done.err
-        assert "interquartile range " in done.out
-        done = uqpen_beside("show", "a.nc", "--json")
-        reported = json.loads(done.out)["designs"]["plain"]["outputs"]["penetration_depth"]["other"]
-        assert list(reported) == ["interquartile_range", "trimmed_range"]
 
     def test_in_the_json(self, tree):
         reported = archive_json(tree)["designs"]["plain"]["outputs"]
@@ -266,12 +250,6 @@ class TestWithARecord:
         assert "(without an interval: no interval was worked out)" in sentence
         compared = {each.label: each for each in compared_statistics(view, "penetration_depth")}
         assert [*compared["trimmed mean"].available_estimates] == ["plain", "latin"]
-
-    def test_it_is_in_the_json_and_in_the_long_table(self, archive):
-        tree = uqpen.open_archive(archive)
-        reported = archive_json(tree)["designs"]["plain"]["outputs"]["penetration_depth"]
-        assert reported["other"]["trimmed_mean"]["units"] == "m"
-        assert "trimmed_mean" in set(long_table(tree)["statistic"])
 
     @pytest.mark.parametrize("sentence", ["{estimate:>999999999}", "{output.__class__} {estimate}"])
     def test_the_words_of_an_archive_are_text_alone(self, archive, sentence):

@@ -213,25 +213,6 @@ def test_a_numerical_error_that_values_have_in_common_is_no_false_alarm():
     assert found(replace(without, numerical_std=3.0))["joint_p_value"].values[0] > 0.3
 
 
-@pytest.mark.parametrize(
-    ("common", "rates"), [(0, (4, 5, 5)), (0.3, (9, 45, 11)), (0.9, (14, 98, 20))]
-)
-def test_tests_for_independent_values_alarm_where_values_have_errors_in_common(common, rates):
-    """In per cent of 10 000 seeds."""
-    rng, rows = np.random.default_rng(16), 20
-    z = math.sqrt(common) * rng.standard_normal((10_000, 1))
-    z = z + math.sqrt(1 - common) * rng.standard_normal((10_000, rows))
-    inside = (np.abs(z) < stats.norm.ppf(0.95)).sum(axis=1)
-    of_counts = np.array([stats.binomtest(k, rows, 0.9).pvalue for k in range(rows + 1)])
-    alarms = (
-        of_counts[inside] <= 0.05,
-        kolmogorov_distance(stats.norm.cdf(z)) >= stats.kstwo.isf(0.05, rows),
-        np.square(z).sum(axis=1) >= stats.chi2.isf(0.05, rows),
-    )
-    # Three standard errors are 1.5 %, and half of one is rounded.
-    assert [100 * np.mean(each) for each in alarms] == pytest.approx(rates, abs=2.0)
-
-
 # What is left out
 
 

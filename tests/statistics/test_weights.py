@@ -17,7 +17,6 @@ from uqpen.core.model import Output
 from uqpen.core.sampling import Sampling
 from uqpen.core.settings import count, number
 from uqpen.designs.design import Design
-from uqpen.distributions.joint_distribution import points_dataset
 from uqpen.results.json import archive_json
 from uqpen.results.long_table import long_table
 from uqpen.results.output_tables import statistics_tables
@@ -27,7 +26,7 @@ from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
 from uqpen.statistics.run_samples import sample_of
 from uqpen.statistics.user_defined_analysis import UserDefinedAnalysis
-from uqpen.testing import check_design, example_joint_distribution
+from uqpen.testing import check_design
 
 Y = QuantityOfInterest(
     Output("y", "m"), "m", thresholds=(Threshold("3 m", 3.0),), tolerance_contents=(0.95,)
@@ -302,10 +301,3 @@ def test_an_archive_with_wrong_weights_is_damaged(tmp_path):
     runs = tree["runs/mine"].to_dataset()
     tree["runs/mine"] = xr.DataTree(runs.assign_coords(weight=-runs["weight"]))
     assert "/runs/mine: a weight that is none" in set(find_faults(tree))
-
-
-def test_points_dataset_keeps_a_weight():
-    joint = example_joint_distribution()
-    columns = {"length": np.ones(2), "share": np.zeros(2)}
-    points = points_dataset(joint, columns, {"weight": np.array([1.0, 2.0])}, runs=2)
-    assert points["weight"].values.tolist() == [1.0, 2.0]

@@ -2,7 +2,6 @@
 
 import itertools
 
-import chaospy
 import numpy as np
 import pytest
 from example_distributions import EXAMPLES
@@ -153,20 +152,3 @@ def test_sums_are_those_of_the_matrix():
     )
     expected = basis.matrix(inputs, indices) @ coefficients
     np.testing.assert_allclose(found[0], expected, atol=1e-12)
-
-
-def test_the_basis_is_chaospys():
-    joint = chaospy.J(chaospy.Uniform(-1, 3), chaospy.Normal(2, 0.5), chaospy.Gamma(4, 0.5))
-    theirs = chaospy.generate_expansion(3, joint, normed=True, graded=True, reverse=True)
-    distributions = (Uniform(-1.0, 3.0), Normal(2.0, 0.5), Gamma(2.0, 1.0))
-    basis = ProductBasis(
-        tuple(
-            univariate_basis(name, distribution, 3)
-            for name, distribution in zip("abc", distributions, strict=True)
-        )
-    )
-    points = joint.sample(200, rule="halton")
-    ours = basis.matrix(dict(zip("abc", points, strict=True)), multi_indices(3, 3, 1.0))
-    found = np.abs(np.linalg.lstsq(theirs(*points).T, ours, rcond=None)[0])
-    # Each of ours is one of theirs, up to order and sign.
-    np.testing.assert_allclose(np.sort(found, axis=0), np.sort(np.eye(20), axis=0), atol=1e-9)

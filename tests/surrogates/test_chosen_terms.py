@@ -76,20 +76,6 @@ def test_a_function_of_a_product_needs_interactions():
     assert found.truncation > 0.5
 
 
-def test_it_is_better_than_a_truncation_that_does_not_suit():
-    def smooth(x):
-        return np.sin(2 * x["x0"]) * x["x1"] ** 2 + np.cos(3 * x["x2"])
-
-    _, error = chosen(smooth, 3, 100)
-    points, inputs = points_of(3, 100)
-    fresh, others = points_of(3, 4_000, seed=2)
-    truth = smooth(others)
-    indices = points.basis.indices(8, 0.4)
-    fit = np.linalg.lstsq(points.matrix(indices), smooth(inputs), rcond=None)[0]
-    of_fixed = np.mean((fresh.matrix(indices) @ fit - truth) ** 2) / truth.var()
-    assert error < 1e-3 * of_fixed
-
-
 def test_noise_does_not_explode():
     def smooth(x):
         return x["x0"] * x["x1"] + x["x2"] + x["x0"] ** 3

@@ -209,7 +209,7 @@ def test_a_field_without_one_of_its_scores_has_a_reason():
     assert restored.reasons.keys() == found.reasons.keys()
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(st.integers(0, 2**32), st.integers(1, 6), st.booleans())
 def test_the_truncation_is_the_share_that_the_components_leave(seed, count, is_weighted):
     rng = np.random.default_rng(seed)

@@ -57,7 +57,7 @@ def process(deviation, points, repeats, *, seed, of_logarithm=False, **settings)
     return fit, rng
 
 
-def shares_held(deviation, points, repeats, *, seeds=12, **settings):
+def shares_held(deviation, points, repeats, *, seeds=6, **settings):
     """Return how often ± 1.96 deviations hold the mean, and runs in each third of an input."""
     found = []
     for seed in range(seeds):
@@ -73,7 +73,7 @@ def shares_held(deviation, points, repeats, *, seeds=12, **settings):
 
 def test_of_noise_that_is_the_same_everywhere_both_deviations_hold_what_they_say():
     of_mean, *thirds = shares_held(even, 60, 4)
-    # Over these seeds the standard error is 0.02 for the mean, and 0.005 for runs.
+    # Over these seeds the standard error is 0.03 for the mean, and 0.007 for runs.
     assert 0.90 <= of_mean <= 0.98
     assert 0.93 <= min(thirds) <= max(thirds) <= 0.97
 
@@ -205,7 +205,7 @@ def test_all_repeats_of_a_point_are_in_one_fold(toy):
 
 def test_corrected_indices_lose_the_slack_of_the_noise(toy):
     narrow, wide = [], []
-    for seed in range(4):
+    for seed in range(2):
         runs = noisy_runs(toy, 150, 4, seed)
         found = corrected_by(toy, CHAOS, runs)
         once = corrected_by(toy, CHAOS, first_repeats(runs).drop_vars(["point", "repeat"]))
