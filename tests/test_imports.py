@@ -93,7 +93,6 @@ def archive(tmp_path_factory):
     ("arguments", "allowed"),
     [
         (("--help",), set()),
-        (("check", "study.toml"), {"rich", "scipy.special"}),
         (("check", "expansion.toml"), {"rich", "scipy.special"}),
         (("show", "archive.nc"), {*TABLES, "netCDF4"}),
         (("report", "archive.nc"), {*TABLES, "jinja2", "netCDF4", "scipy.special"}),

@@ -277,11 +277,8 @@ def test_workers_that_share_a_generator_are_told(tmp_path):
 def test_seeded_runs_are_equal_to_the_byte_on_any_number_of_workers(tmp_path, kind):
     made(tmp_path, repeats=3, **kind)
     expected = (tmp_path / "noise.nc").read_bytes()
-    for workers in (2, 3):
-        uqpen.make_archive(
-            study(tmp_path, repeats=3, **kind), tmp_path / "w.nc", workers=workers, fresh=True
-        )
-        assert (tmp_path / "w.nc").read_bytes() == expected
+    uqpen.make_archive(study(tmp_path, repeats=3, **kind), tmp_path / "w.nc", workers=3)
+    assert (tmp_path / "w.nc").read_bytes() == expected
 
 
 # What figures are of

@@ -1,6 +1,7 @@
 """Published figures tested with an archive: the table together, readings as a set."""
 
 import json
+from functools import cache
 
 import pytest
 from click.testing import CliRunner
@@ -36,13 +37,17 @@ designs.steps.difference = "forward"
 """
 
 
-@pytest.fixture
-def archive(study_of, tmp_path):
+@pytest.fixture(scope="module")
+def archive(module_study_of, tmp_path_factory):
+    """Makes an archive of what is printed once, in a folder of its own."""
+
+    @cache
     def make(readings=READINGS, **printed):
         text = TEXT.format(**{"mean": "1.00", "std": "0.408", "response": "50.0 %", **printed})
-        study = study_of("a + b", text + readings, a=(0, 1), b=(0, 1))
-        uqpen.make_archive(study, tmp_path / "sum.nc")
-        return tmp_path / "sum.nc"
+        study = module_study_of("a + b", text + readings, a=(0, 1), b=(0, 1))
+        path = tmp_path_factory.mktemp("replication") / "sum.nc"
+        uqpen.make_archive(study, path)
+        return path
 
     return make
 

@@ -9,6 +9,7 @@ from uqpen.archive.estimates import interval_text
 from uqpen.archive.read import open_archive
 from uqpen.archive.write import write
 from uqpen.core.errors import StudyError
+from uqpen.execution import worst_status_runs
 from uqpen.results.json import archive_json
 from uqpen.results.output_tables import output_tables
 from uqpen.results.source_statistics import SourceStatistics
@@ -56,15 +57,12 @@ def tree(tmp_path_factory):
     return uqpen.run(uqpen.parse_study(STUDY, folder=folder))
 
 
-def test_all_models_run_at_the_same_points(tree):
+def test_all_models_run_at_the_same_points_but_for_what_they_are_given(tree):
     points = [tree[f"models/{name}/runs/mc"]["x"].values for name in ("first", "shifted", "picky")]
     assert (points[0] == points[1]).all()
     assert (points[0] == points[2]).all()
-
-
-def test_a_model_takes_what_it_is_given_in_place_of_the_studys(tree):
-    assert float(tree["models/first/runs/mc"]["shift"]) == 0.0
-    assert float(tree["models/shifted/runs/mc"]["shift"]) == 1.5
+    shifts = [float(tree[f"models/{name}/runs/mc"]["shift"]) for name in ("first", "shifted")]
+    assert shifts == [0.0, 1.5]
 
 
 @pytest.mark.parametrize("design", ["mc", "lhs"])
@@ -96,7 +94,6 @@ def test_a_difference_is_better_known_than_either(tree):
         return float(mean[2] - mean[1])
 
     assert width("differences/picky/mc/y") < 2.2 * width("models/first/statistics/mc/y")
-    assert width("differences/shifted/mc/y") < 1e-9 * width("models/first/statistics/mc/y")
 
 
 def test_the_archive_of_several_models_reads_back(tree, tmp_path):
@@ -113,8 +110,6 @@ def test_the_archive_of_several_models_reads_back(tree, tmp_path):
 
 
 def test_an_adaptive_study_gets_the_gravest_status(tree):
-    from uqpen.execution import worst_status_runs
-
     first, picky = (tree[f"models/{name}/runs/mc"].to_dataset() for name in ("first", "picky"))
     status = worst_status_runs([first, picky])["status"].values
     assert (status == picky["status"].values).all()
@@ -231,10 +226,7 @@ def test_a_model_takes_its_own_of_the_inputs_of_all(folder_of_functions):
     # The function takes millimetres, and the archive has metres: equal but for rounding.
     assert np.allclose(runs["third"]["y"], runs["third"]["offset"], rtol=1e-12)
     assert (runs["third"]["x"] == runs["first"]["x"]).all()  # one draw, whoever takes it
-
-
-def test_an_input_has_no_effect_on_a_model_that_does_not_take_it(folder_of_functions):
-    tree = uqpen.run(uqpen.parse_study(OWN_INPUTS, folder=folder_of_functions))
+    # An input has no effect on a model that does not take it.
     total = tree["models/first/statistics/indices/y"]["total_order"].sel(bound="estimate")
     assert total.sel(input=["slope", "offset"]).values.tolist() == [0.0, 0.0]
     assert total.sel(input="x").item() == pytest.approx(1.0, abs=0.3)  # of 64 rows

@@ -16,8 +16,6 @@ import netCDF4
 import pytest
 from study_text import study_text
 
-from uqpen.archive.netcdf import write_tree
-from uqpen.archive.read import open_archive
 from uqpen.checkpoints.make_archive import make_archive
 from uqpen.study.load import load_study, parse_study
 
@@ -187,12 +185,6 @@ class TestCheck:
         assert failed.code == 3
         assert "trial run at the nominal inputs: failed\n  ValueError: too long" in failed.out
 
-    def test_a_mistake_leaves_with_2(self, uqpen):
-        Path("wrong.toml").write_text("seed = 1", encoding="utf-8")
-        done = uqpen("check", "wrong.toml")
-        assert done.code == 2
-        assert "[model] table" in done.err
-
 
 class TestShow:
     @pytest.fixture(autouse=True)
@@ -232,11 +224,6 @@ class TestShow:
         written = uqpen("show", "archives/small.nc", "--json").out
         assert json.loads(written)["title"] == title
         assert r'"\u009b31m \u202e\u2066 \udb40\udc41 é °"' in written
-
-    def test_a_file_that_is_no_archive_leaves_with_2(self, uqpen):
-        done = uqpen("show", "small.toml")
-        assert done.code == 2
-        assert "is not an archive" in done.err
 
 
 class TestModels:
@@ -281,11 +268,6 @@ class TestModels:
         assert '"unmade" without settings: ZeroDivisionError' in uqpen("models", "unmade").err
         assert '"faulty" has no outputs' in uqpen("models", "faulty").err
         assert "known: walker-anderson" in uqpen("models", "sprung").err
-
-    def test_an_unknown_one_is_reported(self, uqpen):
-        done = uqpen("models", "walker")
-        assert done.code == 2
-        assert 'no model "walker"' in done.err
 
 
 class TestRun:
@@ -410,14 +392,19 @@ class TestProcess:
         left = {path.name for path in (tmp_path / "archives").iterdir()}
         assert left == {"slow.nc.log", "slow.nc.parts"}
 
-    @pytest.mark.parametrize("arguments", [("--help",), ("models",)])
-    def test_a_reader_that_has_seen_enough_is_no_error(self, arguments):
-        with subprocess.Popen(
-            self.command(*arguments), stdout=subprocess.PIPE, stderr=subprocess.PIPE
-        ) as process:
-            process.stdout.close()
-            assert process.stderr.read() == b""
-            assert process.wait() == 0
+    def test_a_reader_that_has_seen_enough_changes_no_exit_code(self, tmp_path):
+        (tmp_path / "slow.py").write_text("def f(x): raise ValueError")
+        (tmp_path / "slow.toml").write_text(SLOW_STUDY)
+        for arguments, code in ((("models",), 0), (("check", "slow.toml", "--try"), 3)):
+            with subprocess.Popen(
+                self.command(*arguments),
+                cwd=tmp_path,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+            ) as process:
+                process.stdout.close()
+                assert process.stderr.read() == b""
+                assert process.wait() == code
 
     def test_a_study_does_not_depend_on_who_reads_its_output(self, tmp_path):
         (tmp_path / "slow.py").write_text("def f(x):\n    print('x' * 999)\n    return {'y': x}")
@@ -437,25 +424,10 @@ class TestProcess:
             unheard = (tmp_path / f"{workers}.nc").read_bytes()
             assert unheard == (tmp_path / "heard.nc").read_bytes()
 
-    def test_a_verdict_does_not_depend_on_who_reads_it(self, tmp_path, small):
-        (tmp_path / "small.nc").write_bytes(small)
-        tree = open_archive(tmp_path / "small.nc")
-        tree["runs/monte_carlo"]["y"].values[0] += 1.0
-        write_tree(tree, tmp_path / "edited.nc")
-        with subprocess.Popen(
-            self.command("verify", "edited.nc"), cwd=tmp_path, stdout=subprocess.PIPE
-        ) as process:
-            process.stdout.close()
-            assert process.wait() == 4
-
     @pytest.mark.parametrize(
         ("arguments", "closed", "code"),
-        [
-            (("study", "small.toml"), ">&- 2>&-", 0),
-            (("models",), ">&-", 0),
-            (("check", "none.toml"), "2>&-", 2),
-        ],
-        ids=["study", "models", "check"],
+        [(("study", "small.toml"), ">&- 2>&-", 0), (("check", "none.toml"), "2>&-", 2)],
+        ids=["study", "check"],
     )
     def test_closed_streams_change_no_exit_code(self, tmp_path, arguments, closed, code):
         (tmp_path / "small.toml").write_text(SMALL)

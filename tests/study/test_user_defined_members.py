@@ -30,6 +30,8 @@ DESIGNS, DISTRIBUTIONS = (
 )
 STUDY = """\
 seed = 1
+sensitivity = false
+convergence = false
 [model]
 use = "ishigami"
 [inputs]
@@ -224,6 +226,7 @@ class TestPython:
             "ishigami",
             inputs={"x1": distribution, "x2": 1.0, "x3": uqpen.Uniform(-3, 3)},
             designs={"mine": design},
+            sensitivity=False,
             seed=1,
             folder=folder,
         )

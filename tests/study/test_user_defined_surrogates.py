@@ -88,7 +88,7 @@ def _checks(path, **options):
     return {check.name: check for check in verify(path, **options)}
 
 
-ONLY_IT = STUDY.partition("[surrogates.chaos]")[0]
+ONLY_IT = "sensitivity = false\n" + STUDY.partition("[surrogates.chaos]")[0]
 
 
 def _run(folder, text=ONLY_IT):
@@ -210,6 +210,7 @@ class TestPython:
             inputs={"x1": uqpen.Uniform(-2, 2), "x2": 0.3, "x3": 0.5},
             designs={"training": uqpen.LatinHypercube(20, 1), "fresh": uqpen.MonteCarlo(30)},
             surrogates={"gp": surrogate},
+            sensitivity=False,
             seed=1,
             folder=folder,
         )
