@@ -141,35 +141,16 @@ CHANGES = [
         "def f(x):\n    return {'y': helper.k * x}\n",
         HELPER_FILE,
     ),
-    _helper(
-        "by runpy",
-        "import runpy\nk = runpy.run_path('../lib/helper.py')['k']\n"
-        "def f(x):\n    return {'y': k * x}\n",
-        HELPER_FILE,
-    ),
-    _helper(
-        "executed as a text",
-        "import pathlib\nexec(pathlib.Path('../lib/helper.py').read_text())\n"
-        "def f(x):\n    return {'y': k * x}\n",
-        HELPER_FILE,
-    ),
+    _helper("by runpy", "import runpy\nk = runpy.run_path('../lib/helper.py')['k']\n"
+            "def f(x):\n    return {'y': k * x}\n", HELPER_FILE),
+    _helper("executed as a text",
+            "import pathlib\nexec(pathlib.Path('../lib/helper.py').read_text())\n"
+            "def f(x):\n    return {'y': k * x}\n", HELPER_FILE),
     # Other code.
-    _other(
-        "a shared library",
-        "import ctypes\nlibrary = ctypes.CDLL('../lib/own.so')\n" + F,
-        "../lib/own.so",
-        "<library>",
-        "<library>another",
-        "file ../lib/own.so has changed",
-    ),
-    _other(
-        "a module in a zip file",
-        "import sys\nsys.path.insert(0, '../lib/own.zip')\n" + HELPED,
-        "../lib/own.zip",
-        "<zip helper.py>k = 2\n",
-        "<zip helper.py>k = 3\n",
-        MOD,
-    ),
+    _other("a shared library", "import ctypes\nlibrary = ctypes.CDLL('../lib/own.so')\n" + F,
+           "../lib/own.so", "<library>", "<library>another", "file ../lib/own.so has changed"),
+    _other("a module in a zip file", "import sys\nsys.path.insert(0, '../lib/own.zip')\n" + HELPED,
+           "../lib/own.zip", "<zip helper.py>k = 2\n", "<zip helper.py>k = 3\n", MOD),
     _other(
         "a script that the model starts",
         RUN + "def f(x):\n"
@@ -181,31 +162,16 @@ CHANGES = [
         "file s.py has changed",
     ),
     # Data.
-    _other(
-        "a file that is opened when the model is loaded",
-        "k = float(open('k.txt').read())\ndef f(x):\n    return {'y': k * x}\n",
-        "k.txt",
-        "2",
-        "3",
-        "file k.txt has changed",
-    ),
-    _other(
-        "a file that is opened in a run",
-        "import json, pathlib\nhere = pathlib.Path(__file__).parent\n"
-        "def f(x):\n    return {'y': json.loads((here / 'd/k.json').read_text()) * x}\n",
-        "d/k.json",
-        "2",
-        "3",
-        "file d/k.json has changed",
-    ),
-    _other(
-        "a variable of the environment",
-        "import os\ndef f(x):\n    return {'y': float(os.environ['K_OF_MODEL']) * x}\n",
-        "$K_OF_MODEL",
-        "2",
-        "3",
-        "environment variable K_OF_MODEL has changed",
-    ),
+    _other("a file that is opened when the model is loaded",
+           "k = float(open('k.txt').read())\ndef f(x):\n    return {'y': k * x}\n", "k.txt", "2",
+           "3", "file k.txt has changed"),
+    _other("a file that is opened in a run",
+           "import json, pathlib\nhere = pathlib.Path(__file__).parent\n"
+           "def f(x):\n    return {'y': json.loads((here / 'd/k.json').read_text()) * x}\n",
+           "d/k.json", "2", "3", "file d/k.json has changed"),
+    _other("a variable of the environment",
+           "import os\ndef f(x):\n    return {'y': float(os.environ['K_OF_MODEL']) * x}\n",
+           "$K_OF_MODEL", "2", "3", "environment variable K_OF_MODEL has changed"),
     # An import inside a function of a program.
     *(
         Change(
@@ -253,10 +219,8 @@ CHANGES = [
     ),
     # Attributes of functions.
     _number("an attribute of the function", "def f(x):\n    return {'y': f.k * x}\nf.k = 2\n"),
-    _number(
-        "an attribute of a function that it calls",
-        "def g(): return g.k\ng.k = 2\ndef f(x):\n    return {'y': g() * x}\n",
-    ),
+    _number("an attribute of a function that it calls",
+            "def g(): return g.k\ng.k = 2\ndef f(x):\n    return {'y': g() * x}\n"),
     _object(
         "an implementation of a single-dispatch function",
         "import functools\n@functools.singledispatch\ndef g(x): return x\n"
@@ -266,11 +230,9 @@ CHANGES = [
         SAME_OBJECT,
     ),
     # Values whose class is not that which it looks like.
-    _unknown(
-        "a named tuple with its fields in another order",
-        "from collections import namedtuple; namedtuple('T', 'a b')(1, 2)",
-        "from collections import namedtuple; namedtuple('T', 'b a')(1, 2)",
-    ),
+    _unknown("a named tuple with its fields in another order",
+             "from collections import namedtuple; namedtuple('T', 'a b')(1, 2)",
+             "from collections import namedtuple; namedtuple('T', 'b a')(1, 2)"),
     *(
         _unknown(
             f"a subclass of {kind}",
@@ -285,53 +247,30 @@ CHANGES = [
             ("str", "'1'"),
         )
     ),
-    _unknown(
-        "an IntEnum",
-        "import enum; enum.IntEnum('E', {'A': 1, 'B': 2}).A",
-        "import enum; enum.IntEnum('E', {'A': 1, 'B': 11}).A",
-    ),
-    _unknown(
-        "a defaultdict",
-        "import collections; collections.defaultdict(lambda: 1, a=1)",
-        "import collections; collections.defaultdict(lambda: 11, a=1)",
-    ),
+    _unknown("an IntEnum", "import enum; enum.IntEnum('E', {'A': 1, 'B': 2}).A",
+             "import enum; enum.IntEnum('E', {'A': 1, 'B': 11}).A"),
+    _unknown("a defaultdict", "import collections; collections.defaultdict(lambda: 1, a=1)",
+             "import collections; collections.defaultdict(lambda: 11, a=1)"),
     # Arrays.
-    _unknown(
-        "the mask of an array",
-        "import numpy as np; np.ma.array([1.0, 2.0], mask=[0, 1])",
-        "import numpy as np; np.ma.array([1.0, 2.0], mask=[1, 0])",
-    ),
-    _unknown(
-        "a subclass of an array",
-        "import numpy as np; np.matrix([[1.0, 2.0]])",
-        "import numpy as np; np.recarray((1, 2), 'f8', b'\\0' * 16)",
-    ),
-    _value(
-        "the order of an array in memory",
-        "import numpy as np; np.ones((2, 3), order='C')",
-        "import numpy as np; np.ones((2, 3), order='F')",
-    ),
+    _unknown("the mask of an array", "import numpy as np; np.ma.array([1.0, 2.0], mask=[0, 1])",
+             "import numpy as np; np.ma.array([1.0, 2.0], mask=[1, 0])"),
+    _unknown("a subclass of an array", "import numpy as np; np.matrix([[1.0, 2.0]])",
+             "import numpy as np; np.recarray((1, 2), 'f8', b'\\0' * 16)"),
+    _value("the order of an array in memory", "import numpy as np; np.ones((2, 3), order='C')",
+           "import numpy as np; np.ones((2, 3), order='F')"),
     # Compiled functions.
     _unknown("a bound method of a dict", "{'a': 1}.get", "{'a': 11}.get"),
     _unknown("a bound method of a list", "[1].count", "[11].count"),
     _unknown("a bound item method", "(1,).__getitem__", "(11,).__getitem__"),
-    _unknown(
-        "a universal function of Python code",
-        "import numpy as np; np.frompyfunc(lambda x: 1, 1, 1)",
-        "import numpy as np; np.frompyfunc(lambda x: 11, 1, 1)",
-    ),
+    _unknown("a universal function of Python code",
+             "import numpy as np; np.frompyfunc(lambda x: 1, 1, 1)",
+             "import numpy as np; np.frompyfunc(lambda x: 11, 1, 1)"),
     # Code that looks alike.
     _number("a lambda in a lambda", "f = lambda x: (lambda z: {'y': 2 * z})(x)\n"),
-    _object(
-        "two lambdas on a line",
-        "g, f = [lambda x: {'y': 2 * x}, lambda x: {'y': 3 * x}]\n",
-        "f, g = [lambda x: {'y': 2 * x}, lambda x: {'y': 3 * x}]\n",
-    ),
-    _object(
-        "code that was replaced",
-        F + "def g(x):\n    return {'y': 3 * x}\n",
-        F + "def g(x):\n    return {'y': 3 * x}\nf.__code__ = g.__code__\n",
-    ),
+    _object("two lambdas on a line", "g, f = [lambda x: {'y': 2 * x}, lambda x: {'y': 3 * x}]\n",
+            "f, g = [lambda x: {'y': 2 * x}, lambda x: {'y': 3 * x}]\n"),
+    _object("code that was replaced", F + "def g(x):\n    return {'y': 3 * x}\n",
+            F + "def g(x):\n    return {'y': 3 * x}\nf.__code__ = g.__code__\n"),
     # Names that no code states, and libraries that were changed.
     _number("globals()", "k = 2\ndef f(x):\n    return {'y': globals()['k'] * x}\n", SAME_OBJECT),
     _number("eval", "k = 2\ndef f(x):\n    return {'y': eval('k * x')}\n", SAME_OBJECT),
@@ -346,21 +285,14 @@ CHANGES = [
         for library, name in (("math", "pi"), ("numpy", "pi"), ("scipy.constants", "g"))
     ),
     # The state of a library.
-    _object(
-        "the precision of decimal",
-        "import decimal\ndef f(x):\n    return {'y': float(decimal.Decimal(1) / 3)}\n",
-        "import decimal\ndecimal.getcontext().prec = 3\n"
-        "def f(x):\n    return {'y': float(decimal.Decimal(1) / 3)}\n",
-        RECHECK,
-    ),
-    _object(
-        "the seed of numpy.random",
-        "import numpy\nnumpy.random.seed(1)\n"
-        "def f(x):\n    return {'y': numpy.random.random() * x}\n",
-        "import numpy\nnumpy.random.seed(2)\n"
-        "def f(x):\n    return {'y': numpy.random.random() * x}\n",
-        RECHECK,
-    ),
+    _object("the precision of decimal",
+            "import decimal\ndef f(x):\n    return {'y': float(decimal.Decimal(1) / 3)}\n",
+            "import decimal\ndecimal.getcontext().prec = 3\n"
+            "def f(x):\n    return {'y': float(decimal.Decimal(1) / 3)}\n", RECHECK),
+    _object("the seed of numpy.random", "import numpy\nnumpy.random.seed(1)\n"
+            "def f(x):\n    return {'y': numpy.random.random() * x}\n",
+            "import numpy\nnumpy.random.seed(2)\n"
+            "def f(x):\n    return {'y': numpy.random.random() * x}\n", RECHECK),
     *(
         Change(
             f"a table that a program reads by {call}",
@@ -408,7 +340,7 @@ CHANGES = [
         "#!/bin/sh\necho 3\n",
         NAMED + "what p.sh reads and starts",
     ),
-]
+]  # fmt: skip
 
 PACKAGED = "from p.q import k\n" + F.replace("2", "k")
 SIN = "import numpy as np\ndef f(x):\n    return {'y': np.sin(x)}\n"

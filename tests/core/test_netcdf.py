@@ -570,7 +570,7 @@ def test_no_command_reads_another_file_by_way_of_a_hostile_one(command_line, tmp
 def test_damaged_data_end_no_process(tmp_path):
     """In processes of their own; `benchmarks/fuzz.py` makes as many as one likes."""
     fuzz = ROOT / "benchmarks" / "fuzz.py"
-    kinds = ["--kind", "data-netcdf3", "--kind", "data-h5netcdf", "--files", "20"]
+    kinds = ["--kind", "data-netcdf3", "--kind", "data-h5netcdf", "--files", "8"]
     done = subprocess.run(
         [sys.executable, fuzz, *kinds, "--seconds", "999", "--keep", tmp_path],
         capture_output=True,
@@ -578,4 +578,4 @@ def test_damaged_data_end_no_process(tmp_path):
         check=False,
     )
     assert done.returncode == 0, done.stdout + done.stderr
-    assert done.stdout.count(": 20 files: ") == 2
+    assert done.stdout.count(": 8 files: ") == 2

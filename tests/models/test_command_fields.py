@@ -22,6 +22,7 @@ STUDY = """\
 seed = 1
 [model]
 command = ["./program", "{{x}}"]
+noise = false
 {read}
 [model.dimensions]
 time = {{ unit = "min", values = [0, 1, 2] }}
@@ -36,6 +37,7 @@ x = {{ uniform = {{ lower = 1, upper = 2 }} }}
 kind = "monte-carlo"
 runs = {runs}
 [failures]
+trial = false
 stop_after = 0
 """
 CSV = 'open("out.csv", "w").write("t,y\\n" + "".join(f"{t},{x + t}\\n" for t in range(3)))'
@@ -73,18 +75,13 @@ CURVES = {
         'read = { y = { table = "out.dat", column = "y" } }',
     ),
     "json": ('print(json.dumps({"y": [x, x + 1, x + 2]}))', ""),
-    "text": (
-        "for t in range(3): print('step', t, 'y =', x + t)",
-        "read = { y = { text = \"stdout\", pattern = 'y = (\\S+)' } }",
-    ),
-    "netcdf": (
-        "import netCDF4\n"
-        "with netCDF4.Dataset('out.nc', 'w') as d:\n"
-        "    d.createDimension('t', 3)\n"
-        "    d.createVariable('y', 'f8', ('t',))[:] = [x, x + 1, x + 2]",
-        'read = { netcdf = "out.nc" }',
-    ),
-}
+    "text": ("for t in range(3): print('step', t, 'y =', x + t)",
+             "read = { y = { text = \"stdout\", pattern = 'y = (\\S+)' } }"),
+    "netcdf": ("import netCDF4\n" "with netCDF4.Dataset('out.nc', 'w') as d:\n"
+               "    d.createDimension('t', 3)\n"
+               "    d.createVariable('y', 'f8', ('t',))[:] = [x, x + 1, x + 2]",
+               'read = { netcdf = "out.nc" }'),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("kind", CURVES)

@@ -55,12 +55,10 @@ TABLE = "x = [0, 1, 2, 3]\ny = [1.1, 2.9, 5.2, 6.8]"
         ("std = 0.2",
          'std = 0.2\ndiscrepancy = { along = "x", std = 1, length = { half-normal = 1 } }',
          "discrepancy.std: found 1; expected its standard deviation, known up to a prior"),
-        (
-            "std = 0.2",
-            'std = 0.2\ndiscrepancy = { along = "x", std = { half-normal = 1, mean = 2 }, '
-            "length = { half-normal = 1 } }",
-            "discrepancy.std: found a table; expected its standard deviation, known up to a prior",
-        ),
+        ("std = 0.2",
+         'std = 0.2\ndiscrepancy = { along = "x", std = { half-normal = 1, mean = 2 }, '
+         "length = { half-normal = 1 } }",
+         "discrepancy.std: found a table; expected its standard deviation, known up to a prior"),
         ("std = 0.2", 'std = 0.2\ndiscrepancy = { along = "x", std = { half-normal = 1 }, '
          "length = { half-normal = 1 } }",
          "fit.measured: found a discrepancy, which takes up whatever the unknowns do not"),
@@ -75,12 +73,10 @@ TABLE = "x = [0, 1, 2, 3]\ny = [1.1, 2.9, 5.2, 6.8]"
          'line.hold_out[0]: found 7; expected an entry of column "x"'),
         ('unknown = ["a", "b"]', 'unknown = ["a", "b"]\nhold_out = [1, 2, 3, 4]',
          "line.hold_out: found all values of y; expected at least one that a fit learns from"),
-        (
-            f'unknown = ["a", "b"]\n[measured.line.table]\n{TABLE}',
-            'unknown = ["a", "b"]\nhold_out = [2]\n[measured.line.table]\n'
-            'x = [0, 1, 2, 3]\ny = [1.1, "", 5.2, 6.8]',
-            "line.hold_out: found row 2, in which nothing was measured; expected rows with a",
-        ),
+        (f'unknown = ["a", "b"]\n[measured.line.table]\n{TABLE}',
+         'unknown = ["a", "b"]\nhold_out = [2]\n[measured.line.table]\n'
+         'x = [0, 1, 2, 3]\ny = [1.1, "", 5.2, 6.8]',
+         "line.hold_out: found row 2, in which nothing was measured; expected rows with a"),
         (
             f'unknown = ["a", "b"]\n[measured.line.table]\n{TABLE}\n[measured.line.y]\nstd = 0.2',
             f'unknown = ["a", "b"]\nhold_out = [2]\n[measured.line.table]\n{TABLE}\n'
