@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Generator, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -21,7 +22,13 @@ from uqpen.core.settings import count
 from uqpen.core.streams import Stream
 from uqpen.designs.at_experiments import MeasuredDesign
 from uqpen.designs.design import NO_STEP_BETWEEN_LABELS, Rounds
-from uqpen.designs.posterior import PARTICLES_OF_EACH, PriorCoordinates, sample_posterior
+from uqpen.designs.posterior import (
+    PARTICLES_OF_EACH,
+    PosteriorPoints,
+    PriorCoordinates,
+    Replicate,
+    sample_posterior,
+)
 from uqpen.designs.quasi_monte_carlo import sobol_points
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.measurements import EXACTLY, Experiments
@@ -285,6 +292,8 @@ def importance_weights(log_likelihood: FloatArray, predicted: FloatArray) -> Flo
 
 # Particles that sample a surrogate's posterior, and most moves of a level and of all.
 _PARTICLES, _MOVES, _ALL_MOVES = 1000, 25, 1000
+# Replicates of the sampler for the draws of the result, as particles may find a narrow peak late.
+_REPLICATES = 4
 # Batches end early where this share of the draws of one is effective: few draws overstate it.
 _ENOUGH = 0.75
 # Batches of which z scores widen the variance.
@@ -334,7 +343,7 @@ def search_posterior(
         if surrogate is None:
             return
         size = settings.confirm if number == RESULT else settings.batch
-        found = _drawn_by(surrogate, prior, size, own)
+        found = _drawn_by(surrogate, prior, number, size, own)
         if found is None:
             return
         drawn, predicted = found
@@ -349,28 +358,31 @@ def search_posterior(
 
 @one_blas_thread()
 def _drawn_by(
-    surrogate: RowsSurrogate, prior: PriorCoordinates, size: int, stream: Stream
+    surrogate: RowsSurrogate, prior: PriorCoordinates, number: int, size: int, stream: Stream
 ) -> tuple[FloatArray, FloatArray] | None:
     """Return draws of a surrogate's posterior, and their log likelihood; None without an end."""
-    sampler = sample_posterior(
-        prior.dimension, _PARTICLES, 1, _ALL_MOVES * _PARTICLES, stream, _MOVES
-    )
-    asked = next(sampler)
-    made, found = [], []
-    while True:
-        sizes = prior.error_stds(asked.points)
-        made.append(asked.points)
-        found.append(surrogate.log_likelihood(asked.points, sizes))
-        try:
-            asked = sampler.send(found[-1])
-        except StopIteration:
-            break
-    if asked.exponent[0] < 1:
+    replicates = _REPLICATES if number == RESULT else 1
+    most = replicates * _ALL_MOVES * _PARTICLES
+    sampler = sample_posterior(prior.dimension, _PARTICLES, replicates, most, stream, _MOVES)
+    asked, found = [next(sampler)], list[FloatArray]()
+    with suppress(StopIteration):
+        while True:
+            points = asked[-1].points
+            found.append(surrogate.log_likelihood(points, prior.error_stds(points)))
+            asked.append(sampler.send(found[-1]))
+    sampled = PosteriorPoints(*(np.concatenate(each) for each in zip(*asked, strict=True)))
+    predicted = np.concatenate(found)
+    samples = [Replicate.of(sampled, predicted, replicate) for replicate in range(replicates)]
+    ended = [each for each in samples if each is not None and each.exponent == 1]
+    if not ended:
         return None
-    own = (len(made) - 1) * _PARTICLES + np.arange(_PARTICLES)
-    states = np.where(found[-1] >= asked.least, own, asked.parent)
-    chosen = stream.generator("draws").permutation(states)[:size]
-    return np.concatenate(made)[chosen], np.concatenate(found)[chosen]
+    # A replicate that found a narrow peak late has few particles there, and little evidence.
+    evidence = np.repeat([each.log_evidence for each in ended], _PARTICLES)
+    weights = np.exp(evidence - evidence.max())
+    states = np.concatenate([each.runs for each in ended])
+    rng = stream.generator("draws")
+    chosen = rng.choice(states, size, replace=False, p=weights / weights.sum())
+    return sampled.points[chosen], predicted[chosen]
 
 
 # The design.
