@@ -15,7 +15,6 @@ minutes. Its independent runs are drawn from them, so this truth is exact; hyper
 
 from __future__ import annotations
 
-from argparse import ArgumentParser
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -159,12 +158,6 @@ class Truth(NamedTuple):
         others = qmc.Sobol(problem.inputs, seed=2).random_base2(13)
         curves = problem.curves(others, problem.places)
         return cls(np.array(mean), np.array(quantiles), curves)
-
-
-def _options(parser: ArgumentParser) -> None:
-    parser.add_argument("--every", type=int, default=1, help="take every n-th place")
-    parser.add_argument("--bands", choices=("all", "simultaneous", "tolerance"), default="all")
-    parser.add_argument("--rod", type=Path, default=Path("band_coverage_rod.npy"), help="its runs")
 
 
 @cache
@@ -313,7 +306,11 @@ TABLE = SeedTable(
     {"bands along a curve": _page},
     _failing,
     at_once=50,
-    options=_options,
+    options={
+        "--every": {"type": int, "default": 1, "help": "take every n-th place"},
+        "--bands": {"choices": ("all", "simultaneous", "tolerance"), "default": "all"},
+        "--rod": {"type": Path, "default": Path("band_coverage_rod.npy"), "help": "its runs"},
+    },
 )
 
 if __name__ == "__main__":

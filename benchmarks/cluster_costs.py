@@ -100,10 +100,7 @@ def _seconds(spread: Cluster, scheduler: int, tasks: int, runs: int) -> tuple[fl
     began, before = time.process_time(), processor_time(scheduler)
     made = sum(map(len, spread(EvaluatorWork(Evaluator(Ishigami())), batches)))
     assert made == tasks * runs
-    return (
-        (time.process_time() - began) / tasks,
-        (processor_time(scheduler) - before) / tasks,
-    )
+    return ((time.process_time() - began) / tasks, (processor_time(scheduler) - before) / tasks)
 
 
 @contextmanager

@@ -1,45 +1,42 @@
 """How often the corrected estimates of surrogates cover, and how wide they are.
 
-A table of docs/coverage/surrogates.md as `seed_table.py` makes it. A width is over that of the
-plain interval of the same runs: of the mean, the standard deviation, half the 16 % to 84 % range,
-quantiles, probabilities and first-order indices. An interval is that of the runs alone where the
-program takes it; how many are wider than these stands below the tables.
+Tables of docs/coverage/surrogates.md as `seed_table.py` makes them. A surrogate is a sparse
+polynomial chaos of an order fixed beforehand, in five folds. All statistics of a seed share the
+fits. True values are from a million points of a Sobol' sequence. A cell fails if its intervals
+cover in less than 92 %.
 
-A surrogate is a sparse polynomial chaos of an order fixed beforehand, in five folds. All statistics
-of a seed share the fits. True values are from a million points of a Sobol' sequence. A cell fails
-if its intervals cover in less than 92 %.
+`corrected`: a width is over that of the plain interval of the same runs: of the mean, the standard
+deviation, half the 16 % to 84 % range, quantiles, probabilities and first-order indices. An
+interval is that of the runs alone where the program takes it; how many are wider than these stands
+below the tables.
+
+`refined`: what refined designs bring. Each seed has 300 runs: of plain draws, or 100 of them and
+200 that a surrogate places, for the means or for the probabilities. A width is over that of the
+corrected interval of the 300 plain draws of the same seed.
 """
 
 from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from itertools import islice, product
 from types import SimpleNamespace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import xarray as xr
 from gaussian_process import CASES, ishigami
 from scipy import special
 from scipy.stats import qmc
-from seed_table import (
-    FEWEST,
-    STUDIES,
-    Case,
-    Row,
-    SeedTable,
-    lines,
-    per_cent,
-    too_seldom,
-    totals,
-)
+from seed_table import FEWEST, STUDIES, Row, SeedTable, lines, main, per_cent, too_seldom, totals
 from skewed_coverage import Design
 
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
-from uqpen.core.model import Output
+from uqpen.core.labels import RUN, STATUS, WEIGHT
+from uqpen.core.model import Output, Results
 from uqpen.core.status import Status
 from uqpen.core.streams import Stream
 from uqpen.designs.latin_hypercube import LatinHypercube
@@ -61,6 +58,8 @@ from uqpen.statistics.surrogate.correction_runs import CorrectionRuns
 from uqpen.study.load import load_study
 from uqpen.surrogates.chaos.basis import ProductBasis, univariate_basis
 from uqpen.surrogates.chaos.coefficients import sparse_regression
+from uqpen.surrogates.fitting import CrossFit
+from uqpen.surrogates.refinement import RefinedOutput, place, predicted_errors
 
 FOLDS = 5
 QUANTITY = QuantityOfInterest(Output("y", "1"), "1")
@@ -110,29 +109,7 @@ def _borehole(u: FloatArray) -> FloatArray:
     return function(np.array(lower) + u * np.subtract(upper, lower))
 
 
-def _additive(u: FloatArray) -> FloatArray:
-    return np.asarray(
-        4 * u[:, 0] + (3 * u[:, 1] - 1) ** 2 + np.exp(u[:, 2]) + np.sin(3 * u[:, 3]) + u[:, 4] ** 3
-    )
-
-
-def _step(u: FloatArray) -> FloatArray:
-    return np.asarray(2.0 * (u[:, 0] + 0.6 * u[:, 1] > 0.9) + u[:, 2])
-
-
-def _rough(u: FloatArray) -> FloatArray:
-    return np.asarray(np.sin(41 * u[:, 0]) * np.cos(37 * u[:, 1]) + 0.5 * np.sin(53 * u[:, 2]))
-
-
-def _concrete(u: FloatArray) -> FloatArray:
-    return _rods(u, "penetration_depth")
-
-
-def _residue(u: FloatArray) -> FloatArray:
-    return _rods(u, "projectile_residue")
-
-
-def _rods(u: FloatArray, output: str) -> FloatArray:
+def _rods(output: str, u: FloatArray) -> FloatArray:
     joint, (variant,) = CONCRETE.joint, CONCRETE.models.values()
     fixed = {each.variable.name: np.full(len(u), each.value) for each in joint.fixed}
     results = Evaluator(variant.model, CONCRETE.constraints)({**fixed, **joint.ppf(u)})
@@ -143,40 +120,54 @@ def _scores(u: FloatArray) -> FloatArray:
     return np.asarray(special.ndtri(u))
 
 
-def _orders(few: int, more: int, most: int) -> dict[int, int]:
-    return dict(zip(SIZES, (few, more, most), strict=True))
+def _function(
+    title: str, inputs: int, values: Callable[..., Any], *orders: int, **settings: Any
+) -> Function:
+    return Function(inputs, values, dict(zip(SIZES, orders, strict=True)), title, **settings)
 
 
+_DEPTH, _RESIDUE = (partial(_rods, each) for each in ("penetration_depth", "projectile_residue"))
+NORMAL, INDICES = {"is_normal": True}, {"has_indices": True}
 FUNCTIONS = {
-    "concrete": Function(
-        4, _concrete, _orders(3, 4, 5), "concrete depth", is_normal=True, is_logarithm=True
+    "concrete": _function("concrete depth", 4, _DEPTH, 3, 4, 5, is_logarithm=True, **NORMAL),
+    "residue": _function("concrete residue", 4, _RESIDUE, 3, 4, 5, **NORMAL),
+    "ishigami": _function("Ishigami", 3, _ishigami, 7, 9, 10, **INDICES),
+    "borehole": _function("borehole", 8, _borehole, 2, 3, 3, **INDICES),
+    "additive": _function(
+        "additive",
+        5,
+        lambda u: (
+            4 * u[:, 0]
+            + (3 * u[:, 1] - 1) ** 2
+            + np.exp(u[:, 2])
+            + np.sin(3 * u[:, 3])
+            + u[:, 4] ** 3
+        ),
+        *(3, 4, 5),
+        **INDICES,
     ),
-    "residue": Function(4, _residue, _orders(3, 4, 5), "concrete residue", is_normal=True),
-    "ishigami": Function(3, _ishigami, _orders(7, 9, 10), "Ishigami", has_indices=True),
-    "borehole": Function(8, _borehole, _orders(2, 3, 3), "borehole", has_indices=True),
-    "additive": Function(5, _additive, _orders(3, 4, 5), "additive", has_indices=True),
-    "step": Function(3, _step, _orders(4, 5, 7), "step", has_indices=True),
-    "rough": Function(3, _rough, _orders(3, 4, 5), "rough (useless surrogate)", has_indices=True),
-    "lognormal": Function(
-        2, lambda u: np.exp(_scores(u[:, 0])), _orders(4, 5, 6), "exp z", is_normal=True
+    "step": _function(
+        "step", 3, lambda u: 2.0 * (u[:, 0] + 0.6 * u[:, 1] > 0.9) + u[:, 2], 4, 5, 7, **INDICES
     ),
-    "pareto": Function(1, lambda u: (1 - u[:, 0]) ** (-1 / 3.3), _orders(8, 10, 12), "Pareto 3.3"),
-    "modulus": Function(
-        2,
-        lambda u: np.exp(np.abs(_scores(u[:, 0]))),
-        _orders(6, 8, 10),
-        "exp abs z",
-        is_normal=True,
-    ),
-    "reciprocal": Function(2, lambda u: 1 / (0.02 + u[:, 0]), _orders(8, 10, 12), "1/(0.02 + u)"),
-    "dependent": Function(
-        3, _ishigami, _orders(7, 9, 10), "Ishigami, inputs correlated by 0.6", correlation=0.6
-    ),
-    "failures": Function(
+    "rough": _function(
+        "rough (useless surrogate)",
         3,
-        _ishigami,
-        _orders(7, 9, 10),
+        lambda u: np.sin(41 * u[:, 0]) * np.cos(37 * u[:, 1]) + 0.5 * np.sin(53 * u[:, 2]),
+        *(3, 4, 5),
+        **INDICES,
+    ),
+    "lognormal": _function("exp z", 2, lambda u: np.exp(_scores(u[:, 0])), 4, 5, 6, **NORMAL),
+    "pareto": _function("Pareto 3.3", 1, lambda u: (1 - u[:, 0]) ** (-1 / 3.3), 8, 10, 12),
+    "modulus": _function(
+        "exp abs z", 2, lambda u: np.exp(np.abs(_scores(u[:, 0]))), 6, 8, 10, **NORMAL
+    ),
+    "reciprocal": _function("1/(0.02 + u)", 2, lambda u: 1 / (0.02 + u[:, 0]), 8, 10, 12),
+    "dependent": _function(
+        "Ishigami, inputs correlated by 0.6", 3, _ishigami, 7, 9, 10, correlation=0.6
+    ),
+    "failures": _function(
         "Ishigami, failures in a corner",
+        *(3, _ishigami, 7, 9, 10),
         fails_at=lambda u: (u[:, 0] > 0.7) & (u[:, 1] > 0.5),
     ),
 }
@@ -401,11 +392,6 @@ def _problem(name: str) -> Problem:
     return Problem(FUNCTIONS[name])
 
 
-def _cases() -> Iterator[Case]:
-    for runs, name in product(SIZES, FUNCTIONS):
-        yield from ((name, design, runs) for design in _designs(runs))
-
-
 def _rows(name: str, design: str, runs: int, seeds: Sequence[int]) -> Iterator[Row]:
     """Yield the counts of each statistic."""
     problem = _problem(name)
@@ -507,8 +493,208 @@ TABLE = SeedTable(
     {"corrected estimates of surrogates": _page},
     lambda rows: too_seldom(_cells(rows)),
     at_once=5,
-    cases=_cases,
+    cases=lambda: (
+        (name, design, runs)
+        for runs, name in product(SIZES, FUNCTIONS)
+        for design in _designs(runs)
+    ),
+)
+
+
+PLAIN, MEAN, PROBABILITIES = "plain draws", "for the mean", "for probabilities"
+FIRST, ROUNDS = 100, (50, 75, 75)
+CANDIDATES = 64
+REFINED_EXCEEDED = {"P 0.14": 0, "P 0.05": 1}
+STATISTICS = ("mean", "std", *REFINED_EXCEEDED, *(f"quantile {p:g}" for p in QUANTILES))
+REFINED_SUMS = ("intervals", "covers", "width", "ratio", "placed")
+
+
+def _two_modes(u: FloatArray) -> FloatArray:
+    """Two far regions of large values, with a kink between (a series system's two branches)."""
+    one, other = special.ndtri(u).T
+    return np.asarray(np.abs(one + other) / math.sqrt(2) - 0.1 * (one - other) ** 2)
+
+
+NAMES = ("step", "ishigami", "borehole", "rough", "concrete", "residue")
+STUDIED = {name: FUNCTIONS[name]._replace(has_indices=False) for name in NAMES}
+STUDIED["two modes"] = Function(
+    2, _two_modes, {100: 6, 200: 8, 500: 10}, "two modes", is_normal=True
+)
+
+
+class _Fold(NamedTuple):
+    """A fit without a fold, as the placement of runs needs it."""
+
+    problem: Problem
+    size: int
+    coefficients: FloatArray
+    outputs: tuple[Output, ...] = (Output("y", "1"),)
+
+    @property
+    def without_fields(self) -> _Fold:
+        return self
+
+    @property
+    def random_inputs(self) -> tuple[str, ...]:
+        return tuple(f"x{number}" for number in range(self.problem.function.inputs))
+
+    def values(self, points: FloatArray) -> FloatArray:
+        matrix = self.problem.matrix(self.size, points)
+        return _predicted(matrix, self.coefficients, self.problem.function)
+
+    def evaluate(self, columns: Mapping[str, FloatArray]) -> Results:
+        points = np.column_stack([columns[name] for name in self.random_inputs])
+        return Results({"y": self.values(points)}, np.zeros(len(points), dtype=np.int8))
+
+
+class _Runs(NamedTuple):
+    """Completed runs with their weights."""
+
+    points: FloatArray
+    values: FloatArray
+    weights: FloatArray
+
+    def with_more(self, other: _Runs) -> _Runs:
+        return _Runs(*map(np.concatenate, zip(self, other, strict=True)))
+
+    def cross_fit(self, problem: Problem, rng: np.random.Generator) -> CrossFit:
+        size = 100 if len(self.values) < 180 else 200
+        matrix = problem.matrix(size, self.points)
+        fold = rng.permutation(len(self.values)) % FOLDS
+        seen = ((matrix[fold != k], self.values[fold != k]) for k in range(FOLDS))
+        fits = (_Fold(problem, size, _fit(*each, problem.function)) for each in seen)
+        return CrossFit(fold, tuple(fits))  # type: ignore[arg-type] # all that placement needs
+
+    def dataset(self) -> xr.Dataset:
+        columns = {f"x{number}": (RUN, column) for number, column in enumerate(self.points.T)}
+        status = np.full(len(self.values), Status.OK)
+        columns |= {"y": (RUN, self.values), STATUS: (RUN, status)}
+        return xr.Dataset(columns, {WEIGHT: (RUN, self.weights)})
+
+
+def _made(problem: Problem, points: FloatArray, weights: FloatArray) -> _Runs:
+    values = problem.function.values(points)
+    is_admissible = ~np.isnan(values)
+    return _Runs(points[is_admissible], values[is_admissible], weights[is_admissible])
+
+
+def _refined(problem: Problem, target: RefinedOutput, rng: np.random.Generator) -> _Runs:
+    """Return the runs of a refined design."""
+    inputs = problem.function.inputs
+    runs = _made(problem, rng.random((FIRST, inputs)), np.ones(FIRST))
+    for size in ROUNDS:
+        candidates = rng.random((size * CANDIDATES, inputs))
+        columns = {f"x{number}": column for number, column in enumerate(candidates.T)}
+        folds = runs.cross_fit(problem, rng)
+        errors = list(predicted_errors(folds, runs.dataset(), columns, [target]))
+        placed = place(errors, size, CANDIDATES, float(runs.weights.max()), rng)
+        runs = runs.with_more(_made(problem, candidates[placed.candidates], placed.weights))
+    return runs
+
+
+def _evidence(
+    problem: Problem, runs: _Runs, rng: np.random.Generator, family: int
+) -> CorrectionRuns:
+    folds = runs.cross_fit(problem, rng)
+    size = folds.models[0].size  # type: ignore[attr-defined]
+    at_draws, draw_set = problem.draws(size, family)
+    predictions = np.empty(len(runs.values))
+    draws = []
+    for number, model in enumerate(folds.models):
+        own = folds.fold == number
+        predictions[own] = model.values(runs.points[own])  # type: ignore[attr-defined]
+        coefficients = model.coefficients  # type: ignore[attr-defined]
+        draws.append(_predicted(at_draws, coefficients, problem.function))
+    is_weighted = bool((runs.weights != 1).any())
+    return CorrectionRuns(
+        runs.values,
+        predictions,
+        folds.fold,
+        np.array(draws),
+        draw_set,
+        np.empty(0),
+        np.empty(0, dtype=np.int64),
+        weights=runs.weights if is_weighted else None,
+        missing_weights=np.empty(0) if is_weighted else None,
+    )
+
+
+def _refined_designs(
+    problem: Problem, thresholds: FloatArray, seed: int
+) -> Iterator[tuple[str, _Runs, np.random.Generator]]:
+    streams = Stream(seed, "refined coverage")
+    rng = streams.generator(PLAIN)
+    count = FIRST + sum(ROUNDS)
+    drawn = rng.random((count, problem.function.inputs))
+    yield PLAIN, _made(problem, drawn, np.ones(count)), rng
+    limits = tuple(float(thresholds[number]) for number in REFINED_EXCEEDED.values())
+    for name, target in ((MEAN, RefinedOutput("y")), (PROBABILITIES, RefinedOutput("y", limits))):
+        rng = streams.generator(name)
+        yield name, _refined(problem, target, rng), rng
+
+
+def _refined_rows(name: str, seeds: Sequence[int]) -> Iterator[Row]:
+    problem = Problem(STUDIED[name])
+    counts: dict[tuple[str, str], dict[str, float]]
+    counts = defaultdict(lambda: dict.fromkeys(REFINED_SUMS, 0))
+    truth = problem.truth
+    for seed in seeds:
+        plain: dict[str, float] = {}
+        for design, runs, rng in _refined_designs(problem, truth.thresholds, seed):
+            evidence = _evidence(problem, runs, rng, seed % 2)
+            found = dict(_corrected(evidence, truth))
+            for statistic in STATISTICS:
+                estimate = found[statistic]
+                count = counts[design, statistic]
+                count["placed"] += int((runs.weights != 1).sum())
+                width = estimate.upper - estimate.lower
+                if math.isnan(width):
+                    continue
+                count["intervals"] += 1
+                count["covers"] += bool(estimate.lower <= truth.values[statistic] <= estimate.upper)
+                if design == PLAIN:
+                    plain[statistic] = width
+                if statistic in plain:
+                    count["width"] += 1
+                    count["ratio"] += math.log(width / plain[statistic])
+    for (design, statistic), count in counts.items():
+        yield {"runs": design, "statistic": statistic, **count}
+
+
+def _refined_cells(rows: Sequence[Row]) -> dict[tuple[str, str, str], SimpleNamespace]:
+    return totals(rows, "function", "runs", "statistic")
+
+
+def _refined_page(rows: Sequence[Row]) -> Iterator[str]:
+    cells = _refined_cells(rows)
+    of = []
+    for name, design in product(STUDIED, (PLAIN, MEAN, PROBABILITIES)):
+        if first := cells.get((name, design, STATISTICS[0])):
+            texts = (_refined_text(cells.get((name, design, each))) for each in STATISTICS)
+            of.append([STUDIED[name].title, design, f"{first.placed / first.count:.0f}", *texts])
+    yield from lines(["function", "runs", "placed", *STATISTICS], of)
+    fewest = min(cell.count for cell in cells.values())
+    error = 100 * math.sqrt(0.95 * 0.05 / fewest)
+    yield ""
+    yield f"{fewest} seeds or more; the standard error of a coverage is {error:.1f} points."
+
+
+def _refined_text(cell: SimpleNamespace | None) -> str:
+    """Coverage in per cent, and the geometric mean of the ratios of the widths."""
+    if cell is None:
+        return "–"
+    if cell.intervals < cell.count / 2:
+        return "none"
+    return f"{100 * cell.covers / cell.intervals:.0f} / {math.exp(cell.ratio / cell.width):.2f}"
+
+
+REFINED_TABLE = SeedTable(
+    {"function": STUDIED},
+    _refined_rows,
+    {"refined designs": _refined_page},
+    lambda rows: too_seldom(_refined_cells(rows)),
+    at_once=5,
 )
 
 if __name__ == "__main__":
-    TABLE.main(__doc__)
+    main({"corrected": TABLE, "refined": REFINED_TABLE}, __doc__)

@@ -21,11 +21,7 @@ from uqpen.designs.posterior import PriorCoordinates, sample_posterior
 from uqpen.measurements import Experiments, MeasuredOutput, MeasuredOutputs, MeasurementErrors
 from uqpen.models.walker_anderson import WalkerAnderson
 from uqpen.statistics.weighted_posterior import WeightedPosterior
-from uqpen.surrogates.surrogate_posterior import (
-    RESULT,
-    SurrogatePosterior,
-    search_posterior,
-)
+from uqpen.surrogates.surrogate_posterior import RESULT, SurrogatePosterior, search_posterior
 
 
 class Problem(NamedTuple):

@@ -1,22 +1,23 @@
 """Polynomial chaos that chooses its truncation, order and terms, beside 18 fixed settings.
 
-Prints a row for each problem and number of runs: the mean square error at fresh runs as a share of
-the variance, medians over designs; of the 18 settings the best and the worst by hindsight.
-
-    python benchmarks/expansion_choice.py [--designs 10] [--problem ishigami] [--no-hindsight]
+A table as `seed_table.py` makes it, of docs/surrogates.md: the mean square error at fresh runs as a
+share of the variance, medians over designs; of the 18 settings the best and the worst by hindsight,
+which ``--only chosen`` leaves out.
 """
 
 from __future__ import annotations
 
-import argparse
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
+from typing import Any
 
 import numpy as np
 from gaussian_process import borehole, ishigami
+from problems import independent
+from seed_table import Row, SeedTable, grouped, lines, medians
 
 from uqpen.core.arrays import Arrays, FloatArray
 from uqpen.core.model import Input, Model, Output, Results
@@ -25,17 +26,18 @@ from uqpen.designs.drawn_points import points_in_memory
 from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.distributions.distribution import Distribution
-from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
+from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.distributions.univariate import Lognormal, Normal, Uniform
 from uqpen.execution import Evaluator, evaluate
 from uqpen.surrogates.chaos.polynomial_chaos import PolynomialChaos
 
 FRESH = 5_000
 # Six truncations, each with the order that cross-validation chooses and with two others.
-SETTINGS = [
-    {"truncation": truncation, "order": order}
+CHOSEN = "chosen"
+SETTINGS: dict[str, dict[str, Any]] = {CHOSEN: {}} | {
+    f"q {truncation}, order {order}": {"truncation": truncation, "order": order}
     for truncation, order in product((0.4, 0.5, 0.6, 0.75, 0.9, 1.0), (None, 3, 5))
-]
+}
 
 
 @dataclass(frozen=True)
@@ -56,8 +58,7 @@ class Problem(Model):
     @property
     def joint(self) -> JointDistribution:
         """Their joint distribution."""
-        pairs = zip(self.inputs, self.distributions.values(), strict=True)
-        return JointDistribution(tuple(RandomInput(*pair, "1") for pair in pairs), self.inputs)
+        return independent(**self.distributions)
 
     def evaluate(self, inputs: Arrays) -> Results:
         """Return the values of the function."""
@@ -127,87 +128,70 @@ PROBLEMS: dict[str, tuple[Problem, tuple[int, ...]]] = {
 NOISES = (0.0, 0.5)
 
 
-@dataclass(frozen=True)
-class Fitted:
-    """Errors and time of a fit; the settings that it chose."""
-
-    error: float
-    seconds: float
-    truncation: float
-    order: int
-    terms: int
-
-
-def fit(problem: Problem, runs: int, noise: float, seed: int, **settings: object) -> Fitted | None:
-    """Fit to the runs of a design; None where the settings have too many terms."""
-    fresh = points_in_memory(next(MonteCarlo(FRESH).rounds(problem.joint, Stream(0, "fresh"))))
-    inputs = {name: fresh[name].values for name in problem.distributions}
-    truth = problem.function(**inputs)
-    points = next(LatinHypercube(runs, 1).rounds(problem.joint, Stream(seed, "designs", "d")))
-    training = evaluate(Evaluator(problem), points, {})
-    scatter = np.random.default_rng(seed).normal(0, noise * truth.std(), runs)
-    start = time.process_time()
-    surrogate = PolynomialChaos(design="d", **settings)
-    training = training.assign(y=training.y + scatter)
-    found = surrogate.fit("pce", training, problem, problem.joint, Stream(seed, "surrogates"))
-    seconds = time.process_time() - start
-    if found.reasons:
-        return None
-    expansion = found.expansions["y"]
-    error = np.mean((found.predict(inputs)["y"].mean - truth) ** 2) / truth.var()
-    return Fitted(
-        float(error), seconds, expansion.truncation, expansion.order, len(expansion.indices)
-    )
+def _rows(
+    problem: str, noise: float, runs: int, setting: str, seeds: Sequence[int]
+) -> Iterator[Row]:
+    """Yield the error and the time of a fit, and what it chose; not where it has too many terms."""
+    of = PROBLEMS[problem][0]
+    fresh = points_in_memory(next(MonteCarlo(FRESH).rounds(of.joint, Stream(0, "fresh"))))
+    inputs = {name: fresh[name].values for name in of.distributions}
+    truth = of.function(**inputs)
+    for seed in seeds:
+        points = next(LatinHypercube(runs, 1).rounds(of.joint, Stream(seed, "designs", "d")))
+        training = evaluate(Evaluator(of), points, {})
+        scatter = np.random.default_rng(seed).normal(0, noise * truth.std(), runs)
+        start = time.process_time()
+        surrogate = PolynomialChaos(design="d", **SETTINGS[setting])
+        training = training.assign(y=training.y + scatter)
+        found = surrogate.fit("pce", training, of, of.joint, Stream(seed, "surrogates"))
+        seconds = time.process_time() - start
+        if found.reasons:
+            continue
+        expansion = found.expansions["y"]
+        yield {
+            "error": float(np.mean((found.predict(inputs)["y"].mean - truth) ** 2) / truth.var()),
+            "truncation": expansion.truncation,
+            "order": expansion.order,
+            "terms": len(expansion.indices),
+            "seconds": seconds,
+        }
 
 
-def by_hindsight(problem: Problem, runs: int, noise: float, designs: int) -> tuple[float, float]:
-    """Return the median errors of the best and of the worst setting."""
-    medians = []
-    for settings in SETTINGS:
-        found = [fit(problem, runs, noise, seed, **settings) for seed in range(designs)]
-        if None not in found:
-            medians.append(float(np.median([each.error for each in found if each])))
-    return min(medians), max(medians)
-
-
-def rows(wanted: str | None, designs: int, hindsight: bool) -> Iterator[str]:
-    """Yield the rows of the table."""
+def _page(rows: Sequence[Row]) -> Iterator[str]:
     heads = ["problem, noise, runs", "chosen", "largest", "best of 18", "worst of 18"]
     heads += ["q", "order", "terms", "s"]
-    yield f"| {' | '.join(heads)} |"
-    yield "|---" * len(heads) + "|"
-    for name, (problem, sizes) in PROBLEMS.items():
-        if wanted not in (None, name):
-            continue
-        for noise, runs in product(NOISES, sizes):
-            found = [fit(problem, runs, noise, seed) for seed in range(designs)]
-            chosen = [each for each in found if each]
-            best, worst = (
-                by_hindsight(problem, runs, noise, designs) if hindsight else (math.nan, math.nan)
-            )
-            errors = [each.error for each in chosen]
-            middle = [
-                f"{np.median([getattr(each, key) for each in chosen]):.3g}"
-                for key in ("truncation", "order", "terms", "seconds")
-            ]
-            cells = [
-                f"{np.median(errors):.1e}",
-                f"{max(errors):.1e}",
-                f"{best:.1e}",
-                f"{worst:.1e}",
-            ]
-            yield f"| {name}, {noise:g}, {runs} | {' | '.join(cells + middle)} |"
+    keys = ("problem", "noise", "runs")
+    of = []
+    for case, group in grouped(rows, *keys).items():
+        fits = grouped(group, "setting")
+        chosen = fits[CHOSEN,]
+        # By hindsight, of the settings that fit to each design.
+        errors = [
+            float(np.median([row["error"] for row in each]))
+            for (setting,), each in fits.items()
+            if setting != CHOSEN and len(each) == len(chosen)
+        ] or [math.nan]
+        middle = medians(chosen, *keys)[case]
+        largest = max(row["error"] for row in chosen)
+        numbers = [f"{each:.1e}" for each in (middle.error, largest, min(errors), max(errors))]
+        numbers += [
+            f"{getattr(middle, n):.3g}" for n in ("truncation", "order", "terms", "seconds")
+        ]
+        of.append(["{}, {:g}, {}".format(*case), *numbers])
+    yield from lines(heads, of)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--designs", type=int, default=10)
-    parser.add_argument("--problem", choices=PROBLEMS)
-    parser.add_argument("--no-hindsight", action="store_true")
-    given = parser.parse_args()
-    for row in rows(given.problem, given.designs, not given.no_hindsight):
-        print(row, flush=True)
-
+TABLE = SeedTable(
+    ("problem", "noise", "runs", "setting"),
+    _rows,
+    {"expansions": _page},
+    seeds=10,
+    cases=lambda: (
+        (name, noise, runs, setting)
+        for name, (_, sizes) in PROBLEMS.items()
+        for noise, runs, setting in product(NOISES, sizes, SETTINGS)
+    ),
+)
 
 if __name__ == "__main__":
-    main()
+    TABLE.main(__doc__)

@@ -104,12 +104,7 @@ def _failing(rows: Sequence[Row]) -> Iterator[str]:
 
 
 TABLE = SeedTable(
-    {"design": DESIGNS},
-    _rows,
-    {"indices of fields": _page},
-    _failing,
-    seeds=500,
-    at_once=10,
+    {"design": DESIGNS}, _rows, {"indices of fields": _page}, _failing, seeds=500, at_once=10
 )
 
 if __name__ == "__main__":

@@ -1,35 +1,28 @@
 """How well Gaussian processes predict, and how often their 95 % intervals hold fresh points.
 
-Run it as ``python benchmarks/gaussian_process.py --markdown docs/surrogates.md``, with uqpen
-installed. The inputs are uniform. Each row is of several Latin hypercubes and 2 000 fresh points,
-and has medians over the hypercubes. It fails if a function is fitted worse than by the best of the
-29 emulators that Rumsey, Gibson, Francom & Morris (2025, arXiv 2512.09060) have compared, or if the
-intervals of these hold less than 93 % or more than 97 %.
+A table of docs/surrogates.md as `seed_table.py` makes it. The inputs are uniform. Each row is of
+several Latin hypercubes and 2 000 fresh points, and has medians over the hypercubes. It fails if a
+function is fitted worse than by the best of the 29 emulators that Rumsey, Gibson, Francom & Morris
+(2025, arXiv 2512.09060) have compared, or if the intervals of these hold less than 93 % or more
+than 97 %.
 """
 
 from __future__ import annotations
 
-import argparse
 import time
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from scipy.stats import qmc
-from seed_table import fill
+from seed_table import Row, SeedTable, medians, table
 
 from uqpen.core.arrays import FloatArray
 from uqpen.distributions.univariate import Uniform
 from uqpen.surrogates.gaussian_process import GaussianProcess
 from uqpen.surrogates.gaussian_process_fit import StandardisedInputs
 
-HEAD = (
-    "| function | runs | unexplained | 1 - Q², runs left out | intervals hold, % | fit, s |",
-    "|---|---|---|---|---|---|",
-)
 FRESH = 2000
-SIZES = (20, 50, 100, 200)
 
 
 def borehole(x: FloatArray) -> FloatArray:
@@ -101,41 +94,13 @@ CASES = {
 }
 
 
-class Row(NamedTuple):
-    """Shares of the variance, fresh and left out, the coverage, and the processor time."""
-
-    unexplained: float
-    left_out: float
-    coverage: float
-    seconds: float
-
-
-def main() -> int:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--designs", type=int, default=20)
-    parser.add_argument("--runs", type=int, nargs="+", default=SIZES)
-    parser.add_argument("--markdown", type=Path, metavar="FILE.md", help="the page of the docs")
-    options = parser.parse_args()
-    lines, is_worse = [], False
-    for name, case in CASES.items():
-        for runs in options.runs:
-            row = Row(*np.median(list(_rows(case, runs, options.designs)), axis=0))
-            numbers = f"{row.unexplained:.1e} | {row.left_out:.1e} | {100 * row.coverage:.1f}"
-            lines.append(f"| {name} | {runs} | {numbers} | {row.seconds:.2g} |")
-            print(lines[-1], flush=True)
-            if runs == 100 and np.isfinite(case.best_public):
-                is_worse |= row.unexplained > case.best_public or not 0.93 <= row.coverage <= 0.97
-    if options.markdown:
-        fill(options.markdown, "gaussian processes", "\n".join([*HEAD, *lines]))
-    return int(is_worse)
-
-
-def _rows(case: Case, runs: int, designs: int) -> Iterator[Row]:
-    """Yield the errors of one fit after the other."""
+def _rows(function: str, runs: int, seeds: Sequence[int]) -> Iterator[Row]:
+    """Yield shares of the variance, fresh and left out, the coverage, and the processor time."""
+    case = CASES[function]
     lower, width = np.array(case.lower), np.subtract(case.upper, case.lower)
     laws = [Uniform(*ends) for ends in zip(case.lower, case.upper, strict=True)]
     surrogate = GaussianProcess(design="training")
-    for seed in range(designs):
+    for seed in seeds:
         rng = np.random.default_rng(seed)
         points = lower + width * qmc.LatinHypercube(len(laws), rng=rng).random(runs)
         fresh = lower + width * rng.random((FRESH, len(laws)))
@@ -147,13 +112,41 @@ def _rows(case: Case, runs: int, designs: int) -> Iterator[Row]:
             raise TypeError(fit)
         found, truth = fit.predict(fresh), case.function(fresh)
         error = np.abs(truth - found.mean)
-        yield Row(
-            float(np.mean(error**2) / np.var(truth)),
-            1 - fit.q2,
-            float(np.mean(error <= 1.959964 * found.std)),
-            seconds,
-        )
+        yield {
+            "unexplained": float(np.mean(error**2) / np.var(truth)),
+            "left_out": 1 - fit.q2,
+            "coverage": float(np.mean(error <= 1.959964 * found.std)),
+            "seconds": seconds,
+        }
 
+
+COLUMNS = {
+    "function": "function",
+    "runs": "runs",
+    "unexplained": lambda c: f"{c.unexplained:.1e}",
+    "1 - Q², runs left out": lambda c: f"{c.left_out:.1e}",
+    "intervals hold, %": lambda c: f"{100 * c.coverage:.1f}",
+    "fit, s": lambda c: f"{c.seconds:.2g}",
+}
+
+
+def _failing(rows: Sequence[Row]) -> Iterator[str]:
+    for (name, runs), cell in medians(rows, "function", "runs").items():
+        best = CASES[name].best_public
+        if runs == 100 and np.isfinite(best):
+            if cell.unexplained > best:
+                yield f"{name}: {cell.unexplained:.1e} of the variance is unexplained"
+            if not 0.93 <= cell.coverage <= 0.97:
+                yield f"{name}: intervals hold {cell.coverage:.1%}"
+
+
+TABLE = SeedTable(
+    {"function": CASES, "runs": (20, 50, 100, 200)},
+    _rows,
+    {"gaussian processes": lambda rows: table(medians(rows, "function", "runs").values(), COLUMNS)},
+    _failing,
+    seeds=20,
+)
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    TABLE.main(__doc__)

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import itertools
 import math
-from argparse import ArgumentParser
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -121,10 +120,6 @@ class Cell(NamedTuple):
     covers: bool
     label: str
     warns: bool
-
-
-def _options(parser: ArgumentParser) -> None:
-    parser.add_argument("--statistics", nargs="+", choices=STATISTICS, default=list(STATISTICS))
 
 
 @cache
@@ -559,8 +554,7 @@ def _step() -> Problem:
 def _jumps() -> Problem:
     """Two jumps along the axes, of which the second needs the first, and a uniform input."""
     model = _function(
-        "jumps",
-        lambda x1, x2, x3: {"y": (np.asarray(x1) > 0.7) * (3.0 + 2.0 * (x2 > 0.4)) + x3},
+        "jumps", lambda x1, x2, x3: {"y": (np.asarray(x1) > 0.7) * (3.0 + 2.0 * (x2 > 0.4)) + x3}
     )
     joint = independent(**dict.fromkeys(NAMES, Uniform(0.0, 1.0)))
     heights, weights = np.array([0.0, 3.0, 5.0]), np.array([0.7, 0.12, 0.18])
@@ -627,9 +621,7 @@ PROBLEMS: dict[str, Callable[[], Problem]] = {
 
 
 def _function(
-    name: str,
-    function: Callable[..., Mapping[str, Any]],
-    names: tuple[str, ...] = NAMES,
+    name: str, function: Callable[..., Mapping[str, Any]], names: tuple[str, ...] = NAMES
 ) -> PythonFunction:
     inputs = tuple(Input(name, "1") for name in names)
     units = dict.fromkeys((*names, "y"), "1")
@@ -679,7 +671,7 @@ TABLE = SeedTable(
     },
     _failing,
     at_once=20,
-    options=_options,
+    options={"--statistics": {"nargs": "+", "choices": STATISTICS, "default": [*STATISTICS]}},
 )
 
 if __name__ == "__main__":

@@ -156,11 +156,7 @@ COLUMNS = {
     "points": lambda c: f"{c.points / c.count:.0f}",
 }
 TABLE = SeedTable(
-    {"errors": SITUATIONS},
-    _rows,
-    {"errors": summed(COLUMNS, "errors")},
-    seeds=500,
-    at_once=50,
+    {"errors": SITUATIONS}, _rows, {"errors": summed(COLUMNS, "errors")}, seeds=500, at_once=50
 )
 
 if __name__ == "__main__":

@@ -17,16 +17,7 @@ import numpy as np
 import xarray as xr
 from problems import independent, with_output
 from scipy.stats import qmc
-from seed_table import (
-    FEWEST,
-    STUDIES,
-    Row,
-    SeedTable,
-    lines,
-    per_cent,
-    too_seldom,
-    totals,
-)
+from seed_table import FEWEST, STUDIES, Row, SeedTable, lines, per_cent, too_seldom, totals
 
 from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import RUN, SAMPLING
@@ -43,9 +34,7 @@ from uqpen.execution import join_rounds
 from uqpen.models.rod_models import RigidPenetration
 from uqpen.models.walker_anderson import WalkerAnderson
 from uqpen.statistics.analyze import analyze
-from uqpen.statistics.control_variates import (
-    control_variate_statistics,
-)
+from uqpen.statistics.control_variates import control_variate_statistics
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
 from uqpen.study.load import load_study
 

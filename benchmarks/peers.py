@@ -136,12 +136,7 @@ def _works(million: int) -> tuple[Work, ...]:
         Work("10 000 runs: moments, quantiles", "moments", 10_000, more),
         Work(f"{_counted(million)} runs: moments, quantiles", "moments", million, more),
         Work("10 000 runs: first-order indices", "given-data", 10_000, indices),
-        Work(
-            f"{_counted(million)} runs: first-order indices",
-            "given-data",
-            million,
-            indices,
-        ),
+        Work(f"{_counted(million)} runs: first-order indices", "given-data", million, indices),
         Work(
             "Sobol' indices, 10 240 pick-freeze runs",
             "sobol",
@@ -243,9 +238,7 @@ def _enough_runs(package: Package, most: int) -> int | str:
 
 
 def _rows(
-    work: Work,
-    rows: Mapping[str, tuple[int, list[Measured]] | str],
-    starts: dict[str, float],
+    work: Work, rows: Mapping[str, tuple[int, list[Measured]] | str], starts: dict[str, float]
 ) -> Iterator[str]:
     ours = rows[OURS]
     assert not isinstance(ours, str), ours

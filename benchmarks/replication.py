@@ -9,7 +9,6 @@ in the set.
 
 from __future__ import annotations
 
-from argparse import ArgumentParser
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cache
@@ -99,10 +98,6 @@ def _rows(planted: str, seeds: Sequence[int], archive_runs: int) -> Iterator[Row
     yield {**counts, "moved": moved}
 
 
-def _options(parser: ArgumentParser) -> None:
-    parser.add_argument("--archive-runs", type=int, default=100_000)
-
-
 def _planted(part: str, whole: str) -> Callable[[SimpleNamespace], str]:
     def text(c: SimpleNamespace) -> str:
         counted = getattr(c, whole)
@@ -147,7 +142,7 @@ TABLE = SeedTable(
     _failing,
     seeds=200,
     at_once=20,
-    options=_options,
+    options={"--archive-runs": {"type": int, "default": 100_000}},
 )
 
 if __name__ == "__main__":

@@ -23,10 +23,7 @@ from uqpen.core.model import Output
 from uqpen.core.sampling import Sampling
 from uqpen.distributions.copulas import GaussianCopula
 from uqpen.distributions.distribution import Distribution
-from uqpen.distributions.joint_distribution import (
-    JointDistribution,
-    points_dataset,
-)
+from uqpen.distributions.joint_distribution import JointDistribution, points_dataset
 from uqpen.distributions.univariate import Beta, Discrete, Gamma, Normal, Student, Uniform
 from uqpen.statistics.analyze import analyze
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
@@ -208,11 +205,7 @@ COLUMNS = {
     },
 }
 TABLE = SeedTable(
-    {"setting": SETTINGS},
-    _rows,
-    {"reweighted": summed(COLUMNS, "setting")},
-    _failing,
-    seeds=300,
+    {"setting": SETTINGS}, _rows, {"reweighted": summed(COLUMNS, "setting")}, _failing, seeds=300
 )
 
 if __name__ == "__main__":

@@ -17,10 +17,11 @@ import multiprocessing
 import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from operator import attrgetter
 from pathlib import Path
+from statistics import median
 from types import SimpleNamespace
 from typing import Any
 
@@ -53,8 +54,8 @@ class SeedTable:
         A line for each cell that fails, from these rows.
     seeds, at_once : int
         Number of seeds unless another one is asked for, and that of a block.
-    options : callable
-        Adds options of its own.
+    options : mapping of str to mapping
+        Options of its own, with what argparse takes of each.
     cases : callable
         All cases, where they are not all combinations of the values.
     """
@@ -65,22 +66,23 @@ class SeedTable:
     failing: Callable[[Sequence[Row]], Iterable[str]] = lambda _: ()
     seeds: int = 1000
     at_once: int = 1
-    options: Callable[[argparse.ArgumentParser], None] = lambda _: None
+    options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     cases: Callable[[], Iterable[Case]] | None = None
 
-    def main(self, description: str | None) -> None:
+    def main(self, description: str | None, name: str = "") -> None:
         """Make the table as the command line says; leave with 1 if a cell fails."""
-        script = Path(sys.argv[0]).stem
+        file = Path("_".join([Path(sys.argv[0]).stem, *[name] * bool(name)])).with_suffix(".csv")
         parser = argparse.ArgumentParser(description=(description or "").splitlines()[0])
         parser.add_argument("--first", type=int, default=0, help="the first seed")
         parser.add_argument("--seeds", type=int, default=self.seeds)
         parser.add_argument("--only", default="", help="what a case has in it", metavar="REGEX")
         parser.add_argument("--workers", type=int, default=1)
-        parser.add_argument("--output", type=Path, default=Path(f"{script}.csv"))
+        parser.add_argument("--output", type=Path, default=file)
         parser.add_argument("--from", dest="earlier", type=Path, nargs="+", metavar="FILE.csv")
         parser.add_argument("--markdown", type=Path, metavar="FILE.md", help="the page of the docs")
         common = vars(parser.parse_args([]))
-        self.options(parser)
+        for name, settings in self.options.items():
+            parser.add_argument(name, **settings)
         options = parser.parse_args()
         if not options.earlier:
             own = {name: each for name, each in vars(options).items() if name not in common}
@@ -145,6 +147,14 @@ class SeedTable:
             yield from pool.imap(_call, jobs)
 
 
+def main(tables: Mapping[str, SeedTable], description: str | None) -> None:
+    """Make the table that the first argument names, by the arguments behind it."""
+    if len(sys.argv) < 2 or sys.argv[1] not in tables:
+        sys.exit(f"which table? the first argument is one of {', '.join(tables)}")
+    name = sys.argv.pop(1)
+    tables[name].main(description, name)
+
+
 def _title(case: Case) -> str:
     return ", ".join(map(str, case))
 
@@ -198,6 +208,18 @@ def totals(rows: Iterable[Row], *keys: str) -> dict[Case, SimpleNamespace]:
             for name, value in row.items():
                 if name not in keys and isinstance(value, int | float):
                     setattr(sums, name, getattr(sums, name, 0) + value)
+    return found
+
+
+def medians(rows: Iterable[Row], *keys: str) -> dict[Case, SimpleNamespace]:
+    """Return the medians of all numbers of the rows with the same keys; a cell has these, too."""
+    found = {}
+    for key, group in grouped(rows, *keys).items():
+        numbers = {name: [row[name] for row in group] for name in group[0] if name not in keys}
+        middle = {
+            name: median(each) for name, each in numbers.items() if isinstance(each[0], int | float)
+        }
+        found[key] = SimpleNamespace(**dict(zip(keys, key, strict=True)), **middle)
     return found
 
 

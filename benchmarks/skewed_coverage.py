@@ -73,10 +73,7 @@ def _corner_peak(inputs: int) -> Function:
 
     mean, second = moment(power), moment(2 * power)
     return Function(
-        inputs,
-        lambda u: (1 + slope * u.sum(axis=-1)) ** -power,
-        mean,
-        math.sqrt(second - mean**2),
+        inputs, lambda u: (1 + slope * u.sum(axis=-1)) ** -power, mean, math.sqrt(second - mean**2)
     )
 
 

@@ -1,30 +1,29 @@
 """Processor time and memory of the statistics of runs in memory, beside another commit.
 
     python benchmarks/statistics_cost.py --base main --output costs.csv
-    python benchmarks/statistics_cost.py --base main --output costs.csv --only wide-outputs-300
+    python benchmarks/statistics_cost.py --base main --output costs.csv --only outputs-300
     python benchmarks/statistics_cost.py --from costs.csv --markdown docs/performance.md
 
-Each measurement is a process of its own, by turns with the other commit. What a file has already is
-not measured again, so an interrupted command goes on. The runs are of a formula; only
-`analyze` and `analyze_failures` are timed. Memory is the peak of the process, with its libraries
+A table as `seed_table.py` makes it, whose seeds are repeats. Each measurement is a process of its
+own, by turns with the other commit. The runs are of a formula; only `analyze` and
+`analyze_failures` are timed. Memory is the peak of the process, with its libraries
 and the runs.
 """
 
 from __future__ import annotations
 
-import argparse
-import csv
 import json
 import os
-import statistics
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import nullcontext
 from pathlib import Path
+from statistics import median
 from typing import NamedTuple
 
-from seed_table import fill
+from seed_table import Row, SeedTable, lines
 from start import ROOT, checkout_of
 
 
@@ -81,107 +80,59 @@ print(json.dumps([seconds, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 
 """
 
 
-class Measured(NamedTuple):
-    """Cost of a case: processor time in s, and peak of memory in bytes."""
-
-    case: str
-    repeat: int
-    commit: str
-    seconds: float
-    memory: float
-
-
-def main() -> None:
-    """Measure what is missing, and write the table."""
-    options = _options()
-    known = [each for path in options.files for each in _read(path)]
-    if options.base:
-        known += _measure(options)
-    lines = list(_lines(known))
-    print("\n".join(lines))
-    if options.markdown:
-        fill(options.markdown, "statistics", "\n".join(lines))
+def _rows(case: str, commit: str, seeds: Sequence[int], base: str) -> Iterator[Row]:
+    """Yield processor time in s, and the peak of memory in bytes."""
+    for _ in seeds:
+        with (
+            tempfile.TemporaryDirectory() as scratch,
+            checkout_of(base, Path(scratch)) if commit == "base" else nullcontext(ROOT) as checkout,
+        ):
+            done = subprocess.run(
+                [sys.executable, "-c", _MEASURED, *map(str, CASES[case])],
+                cwd=checkout,  # which comes before all other places of modules
+                env={**os.environ, "PYTHONPATH": str(checkout), "OPENBLAS_NUM_THREADS": "1"},
+                stdout=subprocess.PIPE,
+                text=True,
+                check=True,
+            )
+        yield dict(zip(("seconds", "memory"), json.loads(done.stdout), strict=True))
 
 
-def _options() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--base", metavar="COMMIT", help="what to compare this checkout with")
-    parser.add_argument("--only", action="append", choices=CASES)
-    parser.add_argument("--repeats", type=int, default=3)
-    parser.add_argument("--output", type=Path, default=Path("costs.csv"), metavar="FILE.csv")
-    parser.add_argument("--from", dest="files", nargs="+", type=Path, default=[])
-    parser.add_argument("--markdown", type=Path, metavar="FILE.md", help="the page of the docs")
-    return parser.parse_args()
-
-
-def _measure(options: argparse.Namespace) -> list[Measured]:
-    """Measure both commits by turns, and add each result to the file at once."""
-    known = list(_read(options.output)) if options.output.exists() else []
-    done = {(each.case, each.repeat, each.commit) for each in known}
-    with (
-        tempfile.TemporaryDirectory() as scratch,
-        checkout_of(options.base, Path(scratch)) as base,
-    ):
-        for repeat in range(options.repeats):
-            for case in options.only or CASES:
-                for commit, checkout in (("base", base), ("here", ROOT)):
-                    if (case, repeat, commit) not in done:
-                        seconds, memory = _cost(checkout, CASES[case])
-                        known.append(Measured(case, repeat, commit, seconds, memory))
-                        with options.output.open("w", newline="", encoding="utf-8") as file:
-                            csv.writer(file).writerows([Measured._fields, *known])
-    return known
-
-
-def _cost(checkout: Path, case: Case) -> tuple[float, float]:
-    done = subprocess.run(
-        [sys.executable, "-c", _MEASURED, *map(str, case)],
-        cwd=checkout,  # which comes before all other places of modules
-        env={**os.environ, "PYTHONPATH": str(checkout), "OPENBLAS_NUM_THREADS": "1"},
-        stdout=subprocess.PIPE,
-        text=True,
-        check=True,
-    )
-    seconds, memory = json.loads(done.stdout)
-    return seconds, memory
-
-
-def _read(path: Path) -> Iterator[Measured]:
-    with path.open(newline="", encoding="utf-8") as file:
-        for case, repeat, commit, seconds, memory in list(csv.reader(file))[1:]:
-            yield Measured(case, int(repeat), commit, float(seconds), float(memory))
-
-
-def _lines(measured: Sequence[Measured]) -> Iterator[str]:
+def page(rows: Sequence[Row]) -> Iterator[str]:
     """Yield the lines of the table: medians, and the ratios of each repeat with their range."""
-    yield "| inputs | outputs | runs | before, s | now, s | ratio (range) | before, MB | now, MB |"
-    yield "|---|---|---|---|---|---|---|---|"
-    for name, case in CASES.items():
-        by_commit = {
-            commit: {m.repeat: m for m in measured if (m.case, m.commit) == (name, commit)}
-            for commit in ("base", "here")
-        }
-        both = sorted(by_commit["base"].keys() & by_commit["here"].keys())
-        if not both:
-            yield f"| {case.inputs} | {case.outputs} | {case.runs:_} | not measured | | | | |"
-            continue
-        base, here = ([by_commit[commit][each] for each in both] for commit in ("base", "here"))
-        ratios = [new.seconds / old.seconds for old, new in zip(base, here, strict=True)]
-        yield (
-            f"| {case.inputs} | {case.outputs} | {case.runs:_} "
-            f"| {statistics.median(each.seconds for each in base):.3g} "
-            f"| {statistics.median(each.seconds for each in here):.3g} "
-            f"| {statistics.median(ratios):.2f} {_range(ratios)} "
-            f"| {statistics.median(each.memory for each in base) / 1e6:.0f} "
-            f"| {statistics.median(each.memory for each in here) / 1e6:.0f} |"
-        )
+    head = ["inputs", "outputs", "runs", "before, s", "now, s", "ratio (range)", "before, MB"]
+    found = [[*case[:2], f"{case.runs:_}", *_cells(rows, name)] for name, case in CASES.items()]
+    yield from lines([*head, "now, MB"], found)
 
 
-def _range(ratios: Sequence[float]) -> str:
-    return "(one repeat)" if len(ratios) == 1 else f"({min(ratios):.2f} to {max(ratios):.2f})"
+def _cells(rows: Sequence[Row], name: str) -> list[str]:
+    base, here = (
+        {row["first"]: row for row in rows if (row["case"], row["commit"]) == (name, commit)}
+        for commit in ("base", "here")
+    )
+    both = sorted(base.keys() & here.keys())
+    if not both:
+        return ["not measured", "", "", "", ""]
+    ratios = [here[each]["seconds"] / base[each]["seconds"] for each in both]
+    ends = f"{min(ratios):.2f} to {max(ratios):.2f}" if len(both) > 1 else "one repeat"
 
+    def middle(of: Mapping[int, Row], key: str) -> float:
+        return median(of[each][key] for each in both)
+
+    return [
+        *(f"{middle(of, 'seconds'):.3g}" for of in (base, here)),
+        f"{median(ratios):.2f} ({ends})",
+        *(f"{middle(of, 'memory') / 1e6:.0f}" for of in (base, here)),
+    ]
+
+
+TABLE = SeedTable(
+    {"case": CASES, "commit": ("base", "here")},
+    _rows,
+    {"statistics": page},
+    seeds=3,
+    options={"--base": {"metavar": "COMMIT", "help": "what to compare this checkout with"}},
+)
 
 if __name__ == "__main__":
-    main()
+    TABLE.main(__doc__)

@@ -200,10 +200,7 @@ def _cases() -> Iterator[Case]:
 KEYS = ("kind", "name", "runs")
 
 
-_HOLDS = {
-    "holds P = 0.05": share_of("covers"),
-    "holds P = 0.001": share_of("covers_rare"),
-}
+_HOLDS = {"holds P = 0.05": share_of("covers"), "holds P = 0.001": share_of("covers_rare")}
 COLUMNS = {
     "specimens": {
         "family": "name",

@@ -100,11 +100,7 @@ def _share_of_values(name: str) -> Callable[[SimpleNamespace], str]:
     return lambda c: share(getattr(c, name), c.count * c.values)
 
 
-_CASE = {
-    "draws": "draws",
-    "values": "values",
-    "correlation": lambda c: f"{c.correlation / 100:g}",
-}
+_CASE = {"draws": "draws", "values": "values", "correlation": lambda c: f"{c.correlation / 100:g}"}
 TESTS = {
     **_CASE,
     "seeds": "count",

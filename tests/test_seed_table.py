@@ -25,7 +25,7 @@ def made(tmp_path, monkeypatch):
             {"sums": seed_table.summed(columns, "name")},
             lambda found: ["too large"] if any(row["sum"] > 10 for row in found) else [],
             at_once=2,
-            options=lambda parser: parser.add_argument("--factor", type=int, default=1),
+            options={"--factor": {"type": int, "default": 1}},
         )
         monkeypatch.chdir(tmp_path)
         monkeypatch.setattr(sys, "argv", ["sums.py", *options])

@@ -7,17 +7,7 @@ import tempfile
 import chaospy
 import easyvvuq
 import numpy as np
-from shared import (
-    DIMENSION,
-    LOWER,
-    NAMES,
-    UPPER,
-    Figures,
-    fresh_points,
-    main,
-    one_run,
-    unexplained,
-)
+from shared import DIMENSION, LOWER, NAMES, UPPER, Figures, fresh_points, main, one_run, unexplained
 from shared import moments as figures
 
 VARIED = {name: chaospy.Uniform(LOWER, UPPER) for name in NAMES}

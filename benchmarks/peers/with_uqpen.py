@@ -33,12 +33,7 @@ def by_numbers(x1: float, x2: float, x3: float) -> dict[str, float]:
 
 
 def archive_of(
-    design: Any,
-    seed: int,
-    *,
-    vectorized: bool = True,
-    sensitivity: bool = False,
-    **surrogates: Any,
+    design: Any, seed: int, *, vectorized: bool = True, sensitivity: bool = False, **surrogates: Any
 ) -> uqpen.Archive:
     model = uqpen.PythonModel(
         by_arrays if vectorized else by_numbers,

@@ -393,7 +393,7 @@ NO_ADMISSIBLE_DRAW = "too few draws of the surrogate are admissible"
 NO_INDICES_OF_PLACED = (
     "no interval of indices is known with {placed} placed runs, which have weights"
 )
-# Until `benchmarks/refined_coverage.py` has been run over 1 000 seeds.
+# Until `benchmarks/corrected_coverage.py refined` has been run over 1 000 seeds.
 OF_PLACED_RUNS = "not certified: the coverage with {placed} placed runs is known from few seeds"
 OF_ALL_ADMISSIBLE = (
     "of all admissible inputs: {missing} runs failed, and the interval allows for what they may "
