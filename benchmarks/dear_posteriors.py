@@ -18,7 +18,8 @@ from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.streams import Stream
 from uqpen.core.variables import Output
 from uqpen.designs.posterior import PriorCoordinates, sample_posterior
-from uqpen.measurements import Experiments, MeasuredOutput, MeasuredOutputs, MeasurementErrors
+from uqpen.measurements.errors import MeasuredOutput, MeasurementErrors
+from uqpen.measurements.experiments import Experiments, MeasuredOutputs
 from uqpen.models.walker_anderson import WalkerAnderson
 from uqpen.statistics.weighted_posterior import WeightedPosterior
 from uqpen.surrogates.surrogate_posterior import RESULT, SurrogatePosterior, search_posterior
@@ -157,7 +158,7 @@ def exact_posterior(problem: Problem, measured: Experiments, stream: Stream) -> 
     asked, ended, first = next(sampler), dict[int, FloatArray](), 0
     points = list[FloatArray]()
     while True:
-        found = measured.log_likelihood(problem.results(asked.points))
+        found = measured.likelihood.log_density(problem.results(asked.points))
         points.append(asked.points)
         numbers = first + np.arange(len(found))
         states = np.where(found >= asked.least, numbers, asked.parent)
@@ -184,7 +185,7 @@ def surrogate_posterior(
         except StopIteration:
             break
     assert (asked.search_round == RESULT).all()
-    found = measured.log_likelihood(results)
+    found = measured.likelihood.log_density(results)
     names = measured.unknown
     return WeightedPosterior(names, asked.points[:, : len(names)], found, asked.predicted), runs
 

@@ -25,7 +25,7 @@ from seed_table import Row, SeedTable, share, summed
 import uqpen
 from uqpen.core.arrays import FloatArray
 from uqpen.core.streams import Stream
-from uqpen.measurements import Discrepancy, UnknownSize
+from uqpen.measurements.errors import Discrepancy, UnknownSize
 
 EFFORT, ERROR, TRUE_THETA = np.linspace(0.2, 4.0, 11), 0.01, 0.65
 MEAN, STD = 0.6, 0.3  # prior of theta

@@ -21,13 +21,8 @@ from uqpen.core.model import Output
 from uqpen.core.streams import Stream
 from uqpen.designs.least_squares import LeastSquares
 from uqpen.distributions.univariate import Normal
-from uqpen.measurements import (
-    Experiments,
-    MeasuredOutput,
-    MeasuredOutputs,
-    MeasurementErrors,
-    UnknownSize,
-)
+from uqpen.measurements.errors import MeasuredOutput, MeasurementErrors, UnknownSize
+from uqpen.measurements.experiments import Experiments, MeasuredOutputs
 from uqpen.statistics.calibration import fit_statistics
 
 LEVEL, TRUTH = 0.9, 1.0

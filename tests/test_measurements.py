@@ -12,7 +12,7 @@ from uqpen.archive.structure import find_faults
 from uqpen.charts.marks import Line
 from uqpen.charts.measured_values import measurement_charts
 from uqpen.designs.least_squares import usable_residuals
-from uqpen.measurements import Experiments
+from uqpen.measurements.experiments import Experiments
 from uqpen.report.page import report_page
 from uqpen.report.sections.summary import summary_lines
 from uqpen.results.archive_view import select_view
@@ -63,7 +63,7 @@ def measured(tmp_path, text=LINE, **files):
 def posterior_of_line(found):
     """Return the exact posterior of a line with wide normal priors, and the log evidence."""
     x, y = np.arange(4.0), found.values
-    covariance = found.covariance(y)
+    covariance = found.errors.covariance(y)
     design = np.column_stack([np.ones(4), x])
     weights = np.linalg.inv(covariance)
     inverse = np.linalg.inv(design.T @ weights @ design + np.eye(2) / 100)
@@ -90,7 +90,7 @@ def test_an_unknown_size_beside_other_errors_is_the_likeliest_for_the_unknowns_f
 
 def test_residuals_too_large_to_square_are_those_of_a_failed_run(tmp_path):
     found = measured(tmp_path)
-    likelihood = found.likelihood(found.covariance(found.values))
+    likelihood = found.likelihood.at(found.errors.covariance(found.values))
     residuals = usable_residuals(likelihood, np.stack([found.values + 1e200, found.values + 0.2]))
     assert np.isnan(residuals[0]).all()
     assert residuals[1] == pytest.approx(np.ones(4))
@@ -123,7 +123,7 @@ def test_a_bound_counts_by_the_probability_beyond_it(tmp_path):
     found = bounds(tmp_path)
 
     def density(theta):
-        inside = found.log_likelihood(np.full((1, 2), theta))[0]
+        inside = found.likelihood.log_density(np.full((1, 2), theta))[0]
         return np.exp(inside) * stats.norm.pdf(theta)
 
     evidence, _ = integrate.quad(density, -8, 8, epsabs=1e-13)
@@ -131,7 +131,8 @@ def test_a_bound_counts_by_the_probability_beyond_it(tmp_path):
     assert np.log(evidence) == pytest.approx(-2.50474257, abs=1e-8)
     assert mean == pytest.approx(0.98823061, abs=1e-8)
     # The squares of residuals are the same, but for a constant.
-    (residuals,) = found.likelihood(found.covariance(found.values)).residuals(np.full((1, 2), 0.4))
+    likelihood = found.likelihood.at(found.errors.covariance(found.values))
+    (residuals,) = likelihood.residuals(np.full((1, 2), 0.4))
     tail = stats.norm.sf((1 - 0.4) / 0.5)
     assert residuals == pytest.approx([(0.4 - 0.8) / 0.5, np.sqrt(-2 * np.log(tail))])
 
@@ -140,7 +141,7 @@ def test_a_bound_counts_by_the_error_that_is_a_share_of_the_result(tmp_path):
     found = bounds(tmp_path, '"50 %"')
     at = np.array([2.0, np.nan, 0.4])
     exact = stats.norm.logpdf(0.8, at, at / 2) + stats.norm.logsf(1.0, at, at / 2)
-    density = found.log_likelihood(np.repeat(at[:, np.newaxis], 2, axis=1))
+    density = found.likelihood.log_density(np.repeat(at[:, np.newaxis], 2, axis=1))
     assert density == pytest.approx(exact, nan_ok=True)
 
 
@@ -151,7 +152,7 @@ def test_an_error_of_unknown_size_has_its_exact_evidence(tmp_path):
         "x = [0, 0, 0, 0, 0]\ny = [4.1, 5.0, 3.7, 4.6, 5.3]",
     )
     found = measured(tmp_path, text.replace("std = 0.2", "std = { half-normal = 1 }"))
-    assert [each.scale for each in found.sizes] == [1.0]
+    assert [each.scale for each in found.errors.sizes] == [1.0]
     sigma = np.linspace(1e-3, 6, 1001)[1:]
     theta = np.linspace(0, 9, 401)
     grid = np.array(np.meshgrid(sigma, theta, indexing="ij")).reshape(2, -1)
@@ -160,7 +161,7 @@ def test_an_error_of_unknown_size_has_its_exact_evidence(tmp_path):
     squares = ((y[:, np.newaxis] - grid[1]) ** 2).sum(axis=0)
     log_likelihood = -2.5 * np.log(2 * np.pi) - 5 * np.log(grid[0]) - squares / (2 * grid[0] ** 2)
     chosen = [10_000, 70_000, 200_000]
-    own = found.log_likelihood(
+    own = found.likelihood.log_density(
         np.repeat(grid[1][chosen][:, np.newaxis], 5, axis=1), grid[0][chosen][:, np.newaxis]
     )
     assert own == pytest.approx(log_likelihood[chosen], rel=1e-12)
@@ -174,20 +175,20 @@ def test_an_error_of_unknown_size_has_its_exact_evidence(tmp_path):
 def test_shares_are_of_the_value_of_the_model(tmp_path):
     found = measured(tmp_path, LINE.replace("std = 0.2", 'std = [0.3, "10 %"]'))
     at = np.array([4.0, 0.0, 2.0, 1.0])
-    assert found.covariance(at) == pytest.approx(np.diag([0.25, 0.09, 0.13, 0.1]))
-    (value,) = found.log_likelihood(at[np.newaxis])
+    assert found.errors.covariance(at) == pytest.approx(np.diag([0.25, 0.09, 0.13, 0.1]))
+    (value,) = found.likelihood.log_density(at[np.newaxis])
     exact = stats.norm.logpdf(found.values, at, np.sqrt([0.25, 0.09, 0.13, 0.1])).sum()
     assert value == pytest.approx(exact)
-    assert np.isnan(found.log_likelihood(np.array([[1.0, np.nan, 1, 1]]))).all()
+    assert np.isnan(found.likelihood.log_density(np.array([[1.0, np.nan, 1, 1]]))).all()
     # Many draws at once are as each by itself.
     many = np.random.default_rng(1).normal(3, 2, (50, 4))
-    each = [found.log_likelihood(draw[np.newaxis])[0] for draw in many]
-    assert found.log_likelihood(many).tolist() == each
+    each = [found.likelihood.log_density(draw[np.newaxis])[0] for draw in many]
+    assert found.likelihood.log_density(many).tolist() == each
 
 
 def test_a_share_of_a_result_that_is_0_allows_no_other_value(tmp_path):
     found = measured(tmp_path, LINE.replace("std = 0.2", 'std = "10 %"'))
-    values = found.log_likelihood(np.array([[1.0, 3, 5, 7], [0.0, 3, 5, 7]]))
+    values = found.likelihood.log_density(np.array([[1.0, 3, 5, 7], [0.0, 3, 5, 7]]))
     assert np.isfinite(values).tolist() == [True, False]
 
 
@@ -195,20 +196,21 @@ def test_places_between_coordinates_are_linear(tmp_path):
     text = LINE.replace(
         "x = [0, 1, 2, 3]\ny = [1.1, 2.9, 5.2, 6.8]", "x = [4.5, 5, 0]\ny = [1, 1, 1]"
     )
-    ((_, output),) = measured(tmp_path, text).outputs
+    ((output, _),) = measured(tmp_path, text).rows
     curve = np.array([[[7.0, 1, 2, 4, 8]]])
     assert output.predicted(curve) == pytest.approx(np.array([[7.0, 8.0, 7.0]]))
 
 
 def test_errors_along_a_curve_are_correlated_by_their_distance(tmp_path):
     found = measured(tmp_path, LINE.replace('"none"', "{ x = 2 }"))
-    assert found.covariance(found.values)[0] / 0.04 == pytest.approx(np.exp([0, -0.5, -1, -1.5]))
+    exact = np.exp([0, -0.5, -1, -1.5])
+    assert found.errors.covariance(found.values)[0] / 0.04 == pytest.approx(exact)
     text = LINE.replace('"none"', "{ x = 2 }").replace("x = [0,", "rig = [1, 1, 2, 2]\nx = [0,")
     found = measured(
         tmp_path, text.replace("[measured.line]", '[measured.line]\nexperiment = "rig"')
     )
     exact = [1, math.exp(-0.5), 0, 0]  # not with those of another experiment
-    assert found.covariance(found.values)[0] / 0.04 == pytest.approx(exact)
+    assert found.errors.covariance(found.values)[0] / 0.04 == pytest.approx(exact)
 
 
 ROWS = "x,y,above,rig,sd\n0,1.1,0,left,0.1\n1,,0,left,0.1\n1,2.9,0,right,0.2\n1,3.1,0,right,0.2\n"
@@ -224,8 +226,8 @@ def test_blank_entries_were_not_measured_and_groups_may_be_words(tmp_path):
     found = from_file(tmp_path, ROWS, std='"sd"\nshared = { std = 0.5, group = "rig" }')
     assert found.values.tolist() == [1.1, 2.9, 3.1]
     exact = [[0.26, 0, 0], [0, 0.29, 0.25], [0, 0.25, 0.29]]
-    assert found.covariance(found.values) == pytest.approx(np.array(exact))
-    ((_, output),) = found.outputs
+    assert found.errors.covariance(found.values) == pytest.approx(np.array(exact))
+    ((output, _),) = found.rows
     assert output.lines.tolist() == [1, 3, 4]
 
 
@@ -254,14 +256,15 @@ def test_repeats_give_the_size_of_an_error(tmp_path):
         for x, y in zip([0] * 3 + [1] * 3 + [2] * 2, [1, 2, 3, 4, 6, 8, 5, 7], strict=True)
     ]
     found = from_file(tmp_path, "\n".join(["x,y,above,rig,sd", *lines]) + "\n", std='"repeats"')
-    assert found.freedom == 5
-    assert np.diag(found.covariance(found.values)) == pytest.approx(np.full(8, (2 + 8 + 2) / 5))
+    assert found.errors.freedom == 5
+    variances = np.diag(found.errors.covariance(found.values))
+    assert variances == pytest.approx(np.full(8, (2 + 8 + 2) / 5))
     # A bound is no repeat.
     lines.append("2,99,1,a,1")
     text = "\n".join(["x,y,above,rig,sd", *lines]) + "\n"
     bounded = from_file(tmp_path, text, std='"repeats"\nat_least = "above"')
-    assert bounded.freedom == 5
-    assert bounded.covariance(bounded.values)[8, 8] == pytest.approx((2 + 8 + 2) / 5)
+    assert bounded.errors.freedom == 5
+    assert bounded.errors.covariance(bounded.values)[8, 8] == pytest.approx((2 + 8 + 2) / 5)
 
 
 def test_a_covariance_comes_from_a_file(tmp_path):
@@ -273,7 +276,7 @@ def test_a_covariance_comes_from_a_file(tmp_path):
     own = LINE.replace("[measured.line.table]\nx = [0, 1, 2, 3]\ny = [1.1, 2.9, 5.2, 6.8]\n", "")
     own = own.replace('unknown = ["a", "b"]', 'file = "rows.csv"\nunknown = ["a", "b"]')
     found = measured(tmp_path, own.replace("std = 0.2", text), rows=ROWS)
-    assert found.covariance(found.values)[1, 2] == 0.25
+    assert found.errors.covariance(found.values)[1, 2] == 0.25
 
 
 @pytest.mark.parametrize(("key", "count"), [("", 2), ('experiment = "shot"\n', 3)])

@@ -27,14 +27,8 @@ from uqpen.designs.posterior import (
     largest_correlation,
     sample_posterior,
 )
-from uqpen.measurements import (
-    Discrepancy,
-    Experiments,
-    MeasuredOutput,
-    MeasuredOutputs,
-    MeasurementErrors,
-    UnknownSize,
-)
+from uqpen.measurements.errors import Discrepancy, MeasuredOutput, MeasurementErrors, UnknownSize
+from uqpen.measurements.experiments import Experiments, MeasuredOutputs
 from uqpen.report.blocks import Heading
 from uqpen.report.sections.comparisons import measurements
 from uqpen.results.archive_view import select_view
@@ -371,7 +365,7 @@ def test_a_size_that_is_integrated_over_has_its_exact_posterior():
     measured = exactly_measured(MeasurementErrors(np.zeros(5), np.zeros(5), size))
     theta = np.linspace(0.0, 9.0, 1001)
     predicted, none = np.repeat(theta[:, np.newaxis], 5, axis=1), np.full((1001, 1), np.nan)
-    likelihood = np.exp(measured.log_likelihood(predicted, none))
+    likelihood = np.exp(measured.likelihood.log_density(predicted, none))
     weights = likelihood * stats.norm.pdf(theta, 0, 10) * (theta[1] - theta[0])
     evidence = weights.sum()
     assert math.log(evidence) == pytest.approx(-9.06203033, abs=1e-6)
@@ -379,9 +373,8 @@ def test_a_size_that_is_integrated_over_has_its_exact_posterior():
     assert mean == pytest.approx(4.53334277, abs=1e-6)
     assert math.sqrt(weights @ (theta - mean) ** 2 / evidence) == pytest.approx(0.38297, abs=1e-5)
     shares = (np.arange(50) + 0.5) / 50
-    sizes = np.stack(
-        [measured.integrated_sizes(predicted, none, np.full(none.shape, p)) for p in shares]
-    )
+    drawn = measured.likelihood.integrated_sizes
+    sizes = np.stack([drawn(predicted, none, np.full(none.shape, p)) for p in shares])
     mean = weights @ sizes.mean(axis=0)[:, 0] / evidence
     # A step between sizes and one between shares leave 0.003 of the standard deviation.
     assert mean == pytest.approx(0.80163810, abs=0.001)
@@ -401,7 +394,7 @@ def test_errors_that_repeats_give_are_those_of_student_t():
     made = MeasuredOutput(Output("y", "1"), rows, {}, values, rows * 0, rows + 1, errors)
     measured = Experiments((MeasuredOutputs("m", ("a",), (), (), {}, {}, (made,), 7),))
     results = np.array([[1.2, 2.1, 3.0], [0.5, 2.5, 3.0], [3.0, -3.0, 9.0]])
-    found = measured.log_likelihood(results[:, place])
+    found = measured.likelihood.log_density(results[:, place])
     # The means of repeats have a multivariate t distribution, beside the density of the repeats.
     exact = stats.multivariate_t(mean, std**2 * np.diag(1 / count), df=freedom).logpdf(results)
     assert np.diff(found) == pytest.approx(np.diff(exact), abs=1e-6)
@@ -417,12 +410,12 @@ def test_the_integral_over_a_size_beside_other_errors_is_that_of_the_likelihood(
     errors = MeasurementErrors(nothing + 0.2, nothing + share, size, nothing + 0.4, nothing, group)
     measured = exactly_measured(errors)
     predicted = np.array([[4.0, 4.5, 4.2, 4.1, 5.0], [np.nan] * 5, [4.5, 4.4, 4.3, 4.2, 4.1]])
-    found = measured.log_likelihood(predicted, np.full((3, 1), np.nan))
+    found = measured.likelihood.log_density(predicted, np.full((3, 1), np.nan))
     assert np.isnan(found).tolist() == [False, True, False]
     sizes = np.geomspace(1e-8, 10, 4001)
     for draw in (0, 2):
         along = np.repeat(predicted[draw : draw + 1], len(sizes), axis=0)
-        of_sizes = np.exp(measured.log_likelihood(along, sizes[:, np.newaxis]))
+        of_sizes = np.exp(measured.likelihood.log_density(along, sizes[:, np.newaxis]))
         exact = np.trapezoid(of_sizes * stats.halfnorm.pdf(sizes), sizes)
         assert found[draw] == pytest.approx(math.log(exact), abs=1e-5)
 
@@ -764,8 +757,8 @@ def test_a_process_that_grows_from_0_is_predicted_outside_of_the_measurements():
 
     measured = Experiments((section(places, 0.1, section(beyond, 0.0)),))
     off, sizes = np.array([0.3, 0.7, 0.8]), np.array([0.5, 2.0])
-    covariance = measured.covariance(nothing, sizes)
-    mean, variance = measured.discrepancies(off, covariance, sizes)
+    covariance = measured.errors.covariance(nothing, sizes)
+    mean, variance = measured.errors.discrepancies(measured.blank.errors, off, covariance, sizes)
     # The process by x / 2 has the standard deviation 0.5 everywhere, and is seen as 2 off / x.
     both = np.concatenate([places, beyond])
     whole = 0.25 * np.exp(-0.125 * np.subtract.outer(both, both) ** 2)

@@ -51,7 +51,7 @@ def test_the_variance_is_added_with_the_covariance_between_rows(surrogate):
     (part,) = surrogate.parts
     whitened, variances = part.predict(points)
     shapes, root = part.components.components, part.root
-    errors = surrogate.measured.covariance(surrogate.measured.values)
+    errors = surrogate.measured.errors.covariance(surrogate.measured.values)
     exact = []
     for mean, own in zip(whitened, variances, strict=True):
         added = shapes.T @ np.diag(own) @ shapes + np.diag(part.components.truncated)
@@ -105,7 +105,7 @@ def test_experiments_with_inputs_of_their_own_have_errors_of_their_own(tmp_path)
     assert [len(part.fits[0].points) for part in surrogate.parts] == [59, 60, 60]
     drawn = np.random.default_rng(2).standard_normal((5, 4))
     middle, whole = np.empty((5, 4)), np.empty((5, 4, 4))
-    whole[:] = surrogate.measured.covariance(surrogate.measured.values)
+    whole[:] = surrogate.measured.errors.covariance(surrogate.measured.values)
     for part in surrogate.parts:
         whitened, variances = part.predict(drawn)
         shapes = part.components.components

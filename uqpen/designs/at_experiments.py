@@ -17,7 +17,7 @@ from uqpen.designs.design import Design, Rounds
 from uqpen.designs.drawn_points import points_in_memory, points_of
 from uqpen.designs.stopping.stopping_rule import RequestedOutput
 from uqpen.distributions.joint_distribution import JointDistribution, points_dataset
-from uqpen.measurements import Experiments
+from uqpen.measurements.experiments import Experiments
 
 # Designs that compare their runs with measurements.
 

@@ -33,7 +33,8 @@ from uqpen.designs.at_experiments import LimitedMeasuredDesign
 from uqpen.designs.design import NO_STEP_BETWEEN_LABELS, Rounds
 from uqpen.designs.quasi_monte_carlo import sobol_points
 from uqpen.distributions.joint_distribution import JointDistribution, RandomInput, points_dataset
-from uqpen.measurements import Experiments, Likelihood
+from uqpen.measurements.experiments import Experiments
+from uqpen.measurements.likelihood import NormalLikelihood
 
 # Numbers of the coordinate that says which input a run moves; 0 and above are inputs.
 NO_AXIS = -1
@@ -668,7 +669,7 @@ _LARGEST_RESIDUAL = 1e100
 
 def weighted_likelihood(
     measured: Experiments, searched: LeastSquaresPoints, predicted: FloatArray, run: int
-) -> Likelihood:
+) -> NormalLikelihood:
     """Return the likelihood of results whose errors have the covariance at those of one run.
 
     Parameters
@@ -681,9 +682,9 @@ def weighted_likelihood(
     run : int
         Its number; `NO_RUN` for the measured values in place of results.
     """
-    sizes = np.array([each.scale for each in measured.sizes])
+    errors, sizes = measured.errors, np.array(measured.errors.scales)
     if run == NO_RUN:
-        return measured.likelihood(measured.covariance(measured.values, sizes))
+        return measured.likelihood.at(errors.covariance(measured.values, sizes))
     at, (rows, dimension) = predicted[run], (predicted.shape[1], searched.points.shape[1])
     of_run = (searched.origin == run) & (searched.axis >= dimension)
     ends = predicted[of_run][: 2 * len(measured.moved)].reshape(-1, 2, rows)
@@ -691,20 +692,20 @@ def weighted_likelihood(
     # Of a failed run, the other one stands for both.
     low, high = np.moveaxis(np.where(completed, ends, at), 1, 0)
     slopes = (high - low) / np.where(completed.all(axis=1), 2, 1)
-    if measured.sizes and not measured.has_one_unknown_size:
+    if errors.sizes and not errors.has_one_unknown_size:
         # The sizes under which results are the likeliest, for the unknowns fitted.
         def deviance(logarithms: FloatArray) -> float:
-            covariance = measured.covariance(at, np.exp(logarithms), slopes)
-            return -float(measured.likelihood(covariance).log_density(at[np.newaxis])[0])
+            covariance = errors.covariance(at, np.exp(logarithms), slopes)
+            return -float(measured.likelihood.at(covariance).log_density(at[np.newaxis])[0])
 
         tolerances = {"xatol": 1e-6, "fatol": 1e-9}
         with np.errstate(over="ignore"):
             found = minimize(deviance, np.log(sizes), method="Nelder-Mead", options=tolerances)
         sizes = np.exp(found.x) * math.sqrt(rows / max(rows - dimension, 1))
-    return measured.likelihood(measured.covariance(at, sizes, slopes))
+    return measured.likelihood.at(errors.covariance(at, sizes, slopes))
 
 
-def usable_residuals(likelihood: Likelihood, predicted: FloatArray) -> FloatArray:
+def usable_residuals(likelihood: NormalLikelihood, predicted: FloatArray) -> FloatArray:
     """Return whitened residuals, shape (run, residual); NaN where there is none to square."""
     found = likelihood.residuals(predicted)
     is_usable = (np.abs(found) < _LARGEST_RESIDUAL).all(axis=1, keepdims=True)
@@ -742,7 +743,7 @@ def search_experiments(
     rounds: list[tuple[LeastSquaresPoints, FloatArray]] = []  # with the results
     moved, run = len(measured.moved), NO_RUN
     reached: list[FloatArray] = []  # minima so far
-    is_weighted = measured.has_fixed_errors
+    is_weighted = measured.errors.is_fixed
     if not is_weighted:
         asked = LeastSquaresPoints.around(starts[0], 0, moved, with_point=True)
         rounds.append((asked, (yield asked, NO_RUN)))
@@ -753,7 +754,7 @@ def search_experiments(
         likelihood = weighted_likelihood(measured, whole, predicted, run)
         # Ends of profiles are looked for once, and weights are good to a part of a standard error.
         stage = settings
-        if not measured.has_fixed_errors:
+        if not measured.errors.is_fixed:
             level, part = (settings.level, 0.1) if is_weighted else (0.0, 1.0)
             stage = replace(settings, level=level, precision=part * _WEIGHED)
         known = KnownRuns(lower, upper, stage)
@@ -891,7 +892,7 @@ class LeastSquares(LimitedMeasuredDesign):
     profile: bool = flag(default=True)
 
     def check_inputs(self, joint: JointDistribution) -> Iterator[Problem]:
-        if self.experiments.has_discrepancy:
+        if self.experiments.errors.has_discrepancy:
             found = "a discrepancy, which takes up whatever the unknowns do not explain"
             yield Problem(("measured",), found, 'kind = "posterior", where it has a prior')
         yield from self.check_continuous(joint, self.experiments.unknown)
@@ -900,9 +901,9 @@ class LeastSquares(LimitedMeasuredDesign):
     def settings(self) -> SearchSettings:
         """Settings of its search, in points with a run of each experiment."""
         level = PROFILE_LEVEL if self.profile else 0.0
-        errors_are_known = not self.experiments.has_one_unknown_size
+        errors_are_known = not self.experiments.errors.has_one_unknown_size
         at_most = self.at_most // self.experiments.count
-        return SearchSettings(errors_are_known, at_most, level, self.experiments.freedom)
+        return SearchSettings(errors_are_known, at_most, level, self.experiments.errors.freedom)
 
     def rounds(self, joint: JointDistribution, stream: Stream) -> Rounds:
         measured = self.experiments

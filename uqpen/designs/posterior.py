@@ -36,7 +36,8 @@ from uqpen.designs.at_experiments import LimitedMeasuredDesign
 from uqpen.designs.design import NO_STEP_BETWEEN_LABELS, Rounds
 from uqpen.designs.quasi_monte_carlo import sobol_points
 from uqpen.distributions.joint_distribution import JointDistribution, points_dataset
-from uqpen.measurements import Experiments, UnknownSize
+from uqpen.measurements.errors import UnknownSize
+from uqpen.measurements.experiments import Experiments
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -383,7 +384,7 @@ class PriorCoordinates:
     @property
     def sizes(self) -> dict[int, UnknownSize]:
         """Sizes that have a coordinate, by their numbers."""
-        every = enumerate(self.measured.sizes)
+        every = enumerate(self.measured.errors.sizes)
         return {number: size for number, size in every if number not in self.integrated}
 
     @property
@@ -410,22 +411,22 @@ class PriorCoordinates:
         if not measured.moved:
             yield np.arange(len(measured.values)), unknown
             return
-        at, first = len(self.unknowns), 0
-        for section in measured.sections:
+        at = len(self.unknowns)
+        for section, numbers in measured.numbered:
             size = section.experiments
             moved = np.arange(len(section.varies) + len(section.condition_std))
-            for number in range(size):
-                rows = np.flatnonzero(measured.experiment == first + number)
+            for place in range(size):
+                rows = np.flatnonzero(measured.experiment == numbers.start + place)
                 if len(rows):
-                    yield rows, np.concatenate([unknown, at + number + size * moved])
-            at, first = at + size * len(moved), first + size
+                    yield rows, np.concatenate([unknown, at + place + size * moved])
+            at += size * len(moved)
 
     def error_stds(self, points: FloatArray) -> FloatArray:
         """Return the standard deviations of measurements that have a coordinate.
 
         Their shape is (draw, size), with NaN for those that have none.
         """
-        found = np.full((len(points), len(self.measured.sizes)), np.nan)
+        found = np.full((len(points), len(self.measured.errors.sizes)), np.nan)
         for at, (number, size) in enumerate(self.sizes.items(), len(self.measured.unknown)):
             found[:, number] = half_normal(points[:, at], size.scale)
         return found
@@ -439,10 +440,8 @@ class PriorCoordinates:
         for place, name in enumerate(measured.unknown):
             standard[..., names.index(name)] = points[:, place, np.newaxis]
         offsets: dict[str, FloatArray] = {}
-        at, first = len(self.unknowns), 0
-        for section in measured.sections:
-            own = slice(first, first + section.experiments)
-            first = own.stop
+        at = len(self.unknowns)
+        for section, own in measured.numbered:
             for name in (*section.varies, *section.condition_std):
                 column = points[:, at : at + section.experiments]
                 at += section.experiments
@@ -489,7 +488,7 @@ class PriorCoordinates:
         made = points_dataset(
             self.joint, self.inputs(points), coordinates, runs=size * measured.count
         )
-        text = measured.discrepancy_text
+        text = measured.errors.discrepancy_text
         return made.assign_attrs({MEASURED: measured.name} | ({DISCREPANCY: text} if text else {}))
 
 
@@ -549,14 +548,19 @@ class Posterior(LimitedMeasuredDesign):
     def replicate_count(self) -> int:
         return self.replicates
 
+    @property
+    def _integrated(self) -> Collection[int]:
+        """Numbers of the sizes without a coordinate; each has one where no input is unknown."""
+        return self.experiments.likelihood.integrated if self.experiments.unknown else ()
+
     def _coordinates(self, joint: JointDistribution, measured: Experiments) -> PriorCoordinates:
-        return PriorCoordinates(joint, measured, self.experiments.integrated)
+        return PriorCoordinates(joint, measured, self._integrated)
 
     def _shares(self, draws: int, stream: Stream) -> dict[str, FloatArray]:
         """Return where in its conditional distribution each integrated size of a draw is."""
         return {
             ERROR_SHARE.format(number=number + 1): stream.generator(number).random(draws)
-            for number in self.experiments.integrated
+            for number in self._integrated
         }
 
     @property
@@ -632,7 +636,8 @@ def split_runs(measured: Experiments, runs: xr.Dataset) -> tuple[xr.Dataset, xr.
 
 def log_likelihoods(measured: Experiments, runs: xr.Dataset) -> FloatArray:
     """Return the logarithm of the likelihood of each draw; NaN where a run failed."""
-    return measured.log_likelihood(measured.predicted(runs), _of_sizes(measured, runs, ERROR_STD))
+    stds = _of_sizes(measured, runs, ERROR_STD)
+    return measured.likelihood.log_density(measured.predicted(runs), stds)
 
 
 def error_stds(measured: Experiments, runs: xr.Dataset, *, of_prior: bool = False) -> FloatArray:
@@ -643,15 +648,15 @@ def error_stds(measured: Experiments, runs: xr.Dataset, *, of_prior: bool = Fals
     """
     stds, shares = (_of_sizes(measured, runs, each) for each in (ERROR_STD, ERROR_SHARE))
     if of_prior:
-        scales = np.array([each.scale for each in measured.sizes])
-        return np.where(np.isnan(stds), half_normal(ndtri(shares), 1.0) * scales, stds)
-    return measured.integrated_sizes(measured.predicted(runs), stds, shares)
+        drawn = half_normal(ndtri(shares), 1.0) * np.array(measured.errors.scales)
+        return np.where(np.isnan(stds), drawn, stds)
+    return measured.likelihood.integrated_sizes(measured.predicted(runs), stds, shares)
 
 
 def _of_sizes(measured: Experiments, runs: xr.Dataset, label: str) -> FloatArray:
     """Return a column for each size, shape (draw, size); NaN where there is none."""
-    found = np.full((runs.sizes[RUN] // measured.count, len(measured.sizes)), np.nan)
-    for number in range(len(measured.sizes)):
+    found = np.full((runs.sizes[RUN] // measured.count, len(measured.errors.sizes)), np.nan)
+    for number in range(len(measured.errors.sizes)):
         if (name := label.format(number=number + 1)) in runs:
             found[:, number] = runs[name].values[:: measured.count]
     return found

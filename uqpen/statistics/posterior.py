@@ -40,7 +40,8 @@ from uqpen.designs.posterior import (
     split_runs,
 )
 from uqpen.distributions.joint_distribution import JointDistribution
-from uqpen.measurements import EXACTLY, Experiments, MeasuredOutput
+from uqpen.measurements.errors import EXACTLY, MeasuredOutput
+from uqpen.measurements.experiments import Experiments
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import LEVEL, Estimate
 from uqpen.statistics.intervals import student_interval
@@ -251,7 +252,7 @@ def unknown_values(
     measured: Experiments, runs: xr.Dataset, *, of_prior: bool = False
 ) -> tuple[tuple[str, ...], FloatArray]:
     """Return names of the unknowns, and their values in all draws, shape (draw, unknown)."""
-    names = (*measured.unknown, *(each.name for each in measured.sizes))
+    names = (*measured.unknown, *(each.name for each in measured.errors.sizes))
     inputs = [measured.drawn(runs, name) for name in measured.unknown]
     return names, np.column_stack([*inputs, error_stds(measured, runs, of_prior=of_prior)])
 
@@ -321,7 +322,7 @@ def predicted_rows(
     """
     middle = shares @ predicted
     # The covariance of the errors is that at the mean.
-    covariance = measured.covariance(middle, np.sqrt(shares @ sizes**2))
+    covariance = measured.errors.covariance(middle, np.sqrt(shares @ sizes**2))
     variance = shares @ (predicted - middle) ** 2 / (1 - shares @ shares)
     yield from measured.measured_rows(
         measured_std=np.sqrt(np.diag(covariance)),
@@ -355,12 +356,12 @@ def blank_row_statistics(
     level : float
         Probability of the truth to be inside of an interval.
     """
-    blank, variances = measured.blank, np.zeros(results.shape)
-    means = results.copy()
-    for draw in range(len(means) if measured.has_discrepancy else 0):
-        covariance = measured.covariance(predicted[draw], sizes[draw])
+    blank, errors = measured.blank, measured.errors
+    means, variances = results.copy(), np.zeros(results.shape)
+    for draw in range(len(means) if errors.has_discrepancy else 0):
+        covariance = errors.covariance(predicted[draw], sizes[draw])
         off = measured.values - predicted[draw]
-        mean, variances[draw] = measured.discrepancies(off, covariance, sizes[draw])
+        mean, variances[draw] = errors.discrepancies(blank.errors, off, covariance, sizes[draw])
         means[draw] += mean
     estimates, stds = [], []
     for mean, variance in zip(means.T, variances.T, strict=True):
@@ -429,10 +430,10 @@ def left_out_predictions(
     sample = posterior_sample(measured, runs, level)
     left_out = measured.left_out
     if isinstance(sample, str):
-        return np.empty((0, len(left_out.values))), [each.scale for each in left_out.sizes]
+        return np.empty((0, len(left_out.values))), left_out.errors.scales
     drawn = sample.runs.ravel()
     at = np.searchsorted(beyond[PARENT_DRAW].values[:: measured.blank.count], drawn)
-    own = [size is each.errors.size for _, each in measured.outputs for size in each.errors.sizes]
+    own = [size is each.errors.size for each, _ in measured.rows for size in each.errors.sizes]
     squares = sample.values[drawn, len(measured.unknown) :][:, own] ** 2
     return left_out.predicted(beyond)[at], np.sqrt(squares.mean(axis=0)).tolist()
 
@@ -451,7 +452,7 @@ def no_posterior(
     measured: Experiments, reason: str, level: float
 ) -> Iterator[tuple[str, xr.DataArray]]:
     """Yield the reason in the place of a mean, where runs give no posterior of the unknowns."""
-    unknowns = len(measured.unknown) + len(measured.sizes)
+    unknowns = len(measured.unknown) + len(measured.errors.sizes)
     nothing = Estimate.without_bounds(np.full(unknowns, np.nan), reason)
     yield from described_statistics(measured, {"posterior_mean": nothing}, {}, level)
 
@@ -474,8 +475,8 @@ def described_statistics(
     level : float
         Confidence level of the intervals.
     """
-    names = [*measured.unknown, *(each.name for each in measured.sizes)]
-    shown = [*measured.unknown, *(each.like for each in measured.sizes)]
+    names = [*measured.unknown, *(each.name for each in measured.errors.sizes)]
+    shown = [*measured.unknown, *(each.like for each in measured.errors.sizes)]
     unit_like = np.array(shown, dtype=object)
     yield "unit_like", xr.DataArray(unit_like, {UNKNOWN: names}, (UNKNOWN,))
     sizes = {UNKNOWN: names, PROBABILITY: np.array(PROBABILITIES)}
@@ -532,14 +533,14 @@ def arviz_groups(
         for at, number in np.ndenumerate(numbers):
             normal = rng.standard_normal(drawn.shape[-1])
             if np.isfinite(predicted[number]).all():
-                whole = measured.covariance(predicted[number], stds[number])
+                whole = measured.errors.covariance(predicted[number], stds[number])
                 for rows, correlation, variance in added:
                     whole[rows, rows] += variance[number] * correlation
                 covariance = whole
                 off = measured.values - predicted[number]
-                if group == "posterior" and measured.has_discrepancy:
+                if group == "posterior" and measured.errors.has_discrepancy:
                     # The model's own error is the one that the measurements teach.
-                    own = measured.model_covariance(stds[number])
+                    own = measured.errors.model_covariance(stds[number])
                     weights = np.linalg.solve(covariance, own)
                     drawn[at] += off @ weights
                     covariance = covariance - own @ weights
@@ -576,7 +577,7 @@ def _added_by_repeats(
     That is how much more each draw has than repeats have, shape (draw,).
     """
     completed = np.flatnonzero(np.isfinite(predicted).all(axis=1))
-    drawn = measured.sizes_by_repeats(predicted[completed], sizes[completed], rng)
+    drawn = measured.likelihood.sizes_by_repeats(predicted[completed], sizes[completed], rng)
     for each, own, size in drawn:
         freedom, square = each.errors.freedom, each.errors.std[0] ** 2
         squares = size**2
@@ -602,7 +603,7 @@ def _log_prior(
     known = {each.variable.name: each.distribution for each in joint.random}
     for place, name in enumerate(measured.unknown):
         found.append(known[name].log_density(values[..., place]))
-    for place, size in enumerate(measured.sizes, len(found)):
+    for place, size in enumerate(measured.errors.sizes, len(found)):
         found.append(scipy.stats.halfnorm.logpdf(values[..., place], scale=size.scale))
     return np.stack([each for each in found if each is not None], axis=-1)
 
@@ -634,7 +635,7 @@ def unknowns_dataset(
 ) -> xr.Dataset:
     """Return numbers of shape (chain, draw, unknown) by unknown, in its SI unit or another."""
     units = {name: str(runs[name].attrs["units"]) for name in measured.unknown}
-    units |= {each.name: each.unit for each in measured.sizes}
+    units |= {each.name: each.unit for each in measured.errors.sizes}
     columns = zip(units.items(), np.moveaxis(values, -1, 0), strict=True)
     found = {name: (CHAINS, each, {"units": unit or own}) for (name, own), each in columns}
     return xr.Dataset(found, _along_chains(values.shape))

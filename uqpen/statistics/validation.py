@@ -26,7 +26,8 @@ from uqpen.core.streams import Stream
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.distributions.input_group import SampleDistribution
 from uqpen.distributions.joint_distribution import JointDistribution
-from uqpen.measurements import AT_LEAST, AT_MOST, EXACTLY, Experiments, ValidationSettings
+from uqpen.measurements.errors import AT_LEAST, AT_MOST, EXACTLY
+from uqpen.measurements.experiments import Experiments, ValidationSettings
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.intervals import (
@@ -295,7 +296,7 @@ def validations_at_experiments(
     """
     completed = np.isfinite(predicted).all(axis=1)
     at = predicted[completed].mean(axis=0) if completed.any() else experiments.values
-    covariance = experiments.covariance(at, sizes)
+    covariance = experiments.errors.covariance(at, sizes)
     normal = stream.generator("errors of measurement").standard_normal(predicted.shape)
     errors = normal @ np.linalg.cholesky(covariance).T
     used = {*settings.fitted.row_hashes} if settings.fitted else set[str]()

@@ -22,7 +22,7 @@ from uqpen.core.status import MANY_FAILED
 from uqpen.core.streams import Stream
 from uqpen.designs.posterior import error_stds, log_likelihoods
 from uqpen.distributions.joint_distribution import JointDistribution
-from uqpen.measurements import Experiments
+from uqpen.measurements.experiments import Experiments
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import LEVEL, Estimate
 from uqpen.statistics.intervals import student_interval

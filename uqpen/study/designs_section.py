@@ -31,7 +31,7 @@ from uqpen.distributions.input_group import ConditionalGroup
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.distributions.unknowns import MOST_INTERVALS
 from uqpen.execution import FailurePolicy
-from uqpen.measurements import Experiments, MeasuredOutputs
+from uqpen.measurements.experiments import Experiments, MeasuredOutputs
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.study.study import Variant, family_costs
 from uqpen.study.table_reader import (

@@ -26,7 +26,7 @@ from uqpen.designs.one_at_a_time import OneAtATime
 from uqpen.designs.repeated import each_point_once
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.execution import FailurePolicy
-from uqpen.measurements import MeasuredOutputs
+from uqpen.measurements.experiments import MeasuredOutputs
 from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.published import Publication, Reading
 from uqpen.study import SECTIONS

@@ -18,17 +18,16 @@ from uqpen.core.quantities import parse_quantity
 from uqpen.core.units import DIMENSIONLESS, describe, scale
 from uqpen.core.variables import Output
 from uqpen.distributions.joint_distribution import JointDistribution
-from uqpen.measurements import (
+from uqpen.measurements.errors import (
     AT_LEAST,
     AT_MOST,
     EXACTLY,
     Discrepancy,
     MeasuredOutput,
-    MeasuredOutputs,
     MeasurementErrors,
     UnknownSize,
-    ValidationSettings,
 )
+from uqpen.measurements.experiments import MeasuredOutputs, ValidationSettings
 from uqpen.study.study import ValidatedStudy
 from uqpen.study.table_reader import TableReader, named_tables
 

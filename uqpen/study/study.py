@@ -17,7 +17,7 @@ from uqpen.distributions.constraints import Constraint
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.execution import FailurePolicy
 from uqpen.execution.seeds import RunSeeds
-from uqpen.measurements import MeasuredOutputs, ValidationSettings
+from uqpen.measurements.experiments import MeasuredOutputs, ValidationSettings
 from uqpen.models.unloaded_model import UnloadedModel
 from uqpen.statistics.estimate import LEVEL
 from uqpen.statistics.joint_event import JointEvent

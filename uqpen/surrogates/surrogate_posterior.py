@@ -31,7 +31,8 @@ from uqpen.designs.posterior import (
 )
 from uqpen.designs.quasi_monte_carlo import sobol_points
 from uqpen.distributions.joint_distribution import JointDistribution
-from uqpen.measurements import EXACTLY, Experiments
+from uqpen.measurements.errors import EXACTLY
+from uqpen.measurements.experiments import Experiments
 from uqpen.surrogates.gaussian_process_fit import (
     SMOOTHNESS,
     ConditionedProcess,
@@ -123,7 +124,7 @@ class RowsSurrogate:
         sizes = np.where(is_known, np.abs(results), 0.0).sum(axis=0)
         sizes /= np.maximum(is_known.sum(axis=0), 1)
         at = np.where(measured.values == 0, sizes, measured.values)
-        covariance = measured.covariance(at, np.array([each.scale for each in measured.sizes]))
+        covariance = measured.errors.covariance(at, np.array(measured.errors.scales))
         rngs = (stream.generator("component", number) for number in itertools.count())
         parts: list[PartSurrogate] = []
         for number, (rows, coordinates) in enumerate(prior.parts()):
@@ -165,7 +166,7 @@ class RowsSurrogate:
             Standard deviations of measurements that are not known.
         """
         measured, rows = self.measured, len(self.measured.values)
-        is_fixed = measured.has_fixed_errors and not measured.sizes
+        is_fixed = measured.errors.is_fixed and not measured.errors.sizes
         if is_fixed and (measured.censoring == EXACTLY).all():
             (part,) = self.parts
             whitened, variances = part.predict(points)
@@ -185,7 +186,7 @@ class RowsSurrogate:
                 added[:, part.rows[:, np.newaxis], part.rows] = (
                     part.root @ (self.variance_scale * covariance) @ part.root.T
                 )
-            found[some] = measured.log_likelihood(results, sizes[some], added=added)
+            found[some] = measured.likelihood.log_density(results, sizes[some], added=added)
         return found
 
     def z_scores(self, points: FloatArray, results: FloatArray) -> FloatArray:
@@ -348,7 +349,7 @@ def search_posterior(
             return
         drawn, predicted = found
         made = yield SearchedDraws(drawn, np.full(size, number), predicted, np.full(size, scale))
-        real = prior.measured.log_likelihood(made, prior.error_stds(drawn))
+        real = prior.measured.likelihood.log_density(made, prior.error_stds(drawn))
         weights = importance_weights(real, predicted)
         if weights.any() and _ENOUGH * size * (weights**2).sum() <= 1:
             left = left[-1:]
@@ -434,7 +435,7 @@ class SurrogatePosterior(MeasuredDesign):
 
     def check_inputs(self, joint: JointDistribution) -> Iterator[Problem]:
         measured = self.experiments
-        if measured.has_discrepancy:
+        if measured.errors.has_discrepancy:
             found = "a discrepancy, which no surrogate is certified beside"
             yield Problem(("measured",), found, 'kind = "posterior", where it has a prior')
         yield from self.check_continuous(joint, {*measured.unknown, *measured.moved})

@@ -43,7 +43,7 @@ from uqpen.designs.design import RUNS as KEPT_RUNS
 from uqpen.designs.repeated import RepeatedDesign
 from uqpen.execution import Progress
 from uqpen.execution.omitted_runs import omit_runs
-from uqpen.measurements import ValidationSettings
+from uqpen.measurements.experiments import ValidationSettings
 from uqpen.results.failed_runs import record_causes
 from uqpen.statistics.analyze import (
     OutputStatistics,
@@ -307,7 +307,7 @@ def _validation_groups(
     stream, level = Stream(study.seed, "validation", design), study.confidence_level
 
     def validations(name: str) -> Iterator[Validation]:
-        of_design, sizes = runs[name][design], [each.scale for each in experiments.sizes]
+        of_design, sizes = runs[name][design], experiments.errors.scales
         if is_fit:
             predicted, sizes = left_out_predictions(made.experiments, of_design, level)
         else:

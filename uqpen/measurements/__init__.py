@@ -1,0 +1,1 @@
+"""Measurements of a model's outputs: experiments, their errors, and how well results fit."""
