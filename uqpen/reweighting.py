@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
@@ -220,7 +219,7 @@ def _check_study(
 
 def _changed_settings(study: ValidatedStudy, tree: xr.DataTree) -> Iterator[Problem]:
     """Yield what decides runs and is not as in the archive, but for the inputs."""
-    archived, now = archived_identity(tree), tomllib.loads(study.text)
+    archived, now = archived_identity(tree), study.content
     before = archived_content(tree)
     if {*archived.models} != {*study.models}:
         yield Problem(("models",), ", ".join(study.models), ", ".join(archived.models))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -325,7 +324,7 @@ def _write(
 
 def _seen_noise(study: ValidatedStudy, archives: Sequence[ArchivePlace]) -> dict[str, NoiseCheck]:
     """Return what archives say of the noise of the models, where the first design is the same."""
-    design, now = next(iter(study.designs)), tomllib.loads(study.text)
+    design, now = next(iter(study.designs)), study.content
     found = {}
     for archive in archives:
         before = archive.identity.content
@@ -346,7 +345,7 @@ def _adds_formulas(study: ValidatedStudy, earlier: ArchivePlace) -> bool:
         return False
     now, before = (
         {name: table.get("formula") for name, table in content.get("outputs", {}).items()}
-        for content in (tomllib.loads(study.text), earlier.identity.content)
+        for content in (study.content, earlier.identity.content)
     )
     return any(formula and before.get(name) != formula for name, formula in now.items())
 
@@ -378,7 +377,7 @@ def _lacks_designs(study: ValidatedStudy, earlier: ArchivePlace) -> bool:
     unused = unused_designs(earlier.tree)
     if not unused:
         return False
-    before, now = earlier.identity.content, tomllib.loads(study.text)
+    before, now = earlier.identity.content, study.content
     if any(before.get(key) != now.get(key) for key in POINT_TABLES):
         return True
     for name in unused:
@@ -438,7 +437,7 @@ def runs_not_kept(study: ValidatedStudy, archive: xr.DataTree) -> dict[str, str]
         document = parse_document(str(archive.attrs.get("study_text", "")), study.name)
     except StudyError:
         return {}
-    before, now = document.content, tomllib.loads(study.text)
+    before, now = document.content, study.content
     if any(before.get(key) != now.get(key) for key in _DECISIVE):
         return {}
     # Without trust, no code that the archive names is executed.

@@ -96,15 +96,14 @@ class StudyIdentity(NamedTuple):
 
 def study_identity(study: ValidatedStudy) -> StudyIdentity:
     """Gather what decides the archive of a study."""
-    content = tomllib.loads(study.text)
-    objects = user_defined_objects(content)
+    objects = user_defined_objects(study.content)
     reasons = (variant.model.unknown_dependency for variant in study.models.values())
     unknown = [(reason, "the model") for reason in reasons if reason]
     unknown += [(f"{name} is a Python object", "it") for name in objects]
     classes = [cls for design in study.designs for _, cls in _point_classes(study, design)]
     classes += map(type, study.surrogates.values())
     is_known = (
-        not (objects or named_objects(content, "surrogates"))
+        not (objects or named_objects(study.content, "surrogates"))
         and not any(map(class_version, classes))
         and all(analysis.surroundings is not None for analysis in study.analyses)
     )
@@ -115,7 +114,7 @@ def study_identity(study: ValidatedStudy) -> StudyIdentity:
     }
     return StudyIdentity(
         {**root_attributes(study), **level_attribute(study)},
-        content,
+        study.content,
         {name: model_identity(study, name) for name in study.models},
         _file_hashes(study.files(), study.folder),
         runs,
@@ -126,7 +125,7 @@ def study_identity(study: ValidatedStudy) -> StudyIdentity:
 
 def model_identity(study: ValidatedStudy, name: str) -> ModelIdentity:
     """Gather what decides the runs of a model of a study."""
-    content, model = tomllib.loads(study.text), study.models[name].model
+    content, model = study.content, study.models[name].model
     table, constraints = model_tables(content, name)
     tables = {key: content[key] for key in ("constraints",) if key in content}
     tables |= _model_table(content, name)
@@ -223,7 +222,7 @@ def run_fingerprint(study: ValidatedStudy, model: str, design: str) -> dict[str,
     That is the model, the inputs, the constraints, the seed, the design, the files that these name,
     and the software. Modules that a model imports only during its runs are recorded by the runs.
     """
-    content = tomllib.loads(study.text)
+    content = study.content
     tables = {name: content[name] for name in POINT_TABLES if name in content}
     if "designs" in content:
         # What is kept of the runs does not determine them; a user-defined design may have another

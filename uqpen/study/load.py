@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -397,7 +396,7 @@ def reading_study(
     These are the first `monte-carlo` design, with another number of runs where one is given, and
     the first `one-at-a-time` design.
     """
-    content = _changed_content(tomllib.loads(study.text), reading)
+    content = _changed_content(study.content, reading)
     designs = {name: each_point_once(each) for name, each in study.designs.items()}
     first = {
         kind: next((name for name, each in designs.items() if isinstance(each, kind)), None)
@@ -426,7 +425,7 @@ def pilot_study(study: ValidatedStudy, runs: int) -> ValidatedStudy:
     designs = {name: each_point_once(each) for name, each in study.designs.items()}
     independent = (name for name, each in designs.items() if isinstance(each, MonteCarlo))
     name = next(independent, "pilot")
-    content: dict[str, Any] = tomllib.loads(study.text)
+    content = {**study.content}
     content.pop("surrogates", None)
     pilot: dict[str, Any] = {"kind": "monte-carlo", "runs": runs}
     if any(each.model.noise.is_declared for each in study.models.values()):

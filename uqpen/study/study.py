@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import hashlib
+import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from uqpen.core.files import FileSnapshot
 from uqpen.core.labels import FINER_THAN, STANDS_FOR
@@ -194,6 +196,11 @@ class ValidatedStudy:
         """References of its models that are not loaded."""
         models = (variant.model for variant in self.models.values())
         return [model.name for model in models if isinstance(model, UnloadedModel)]
+
+    @cached_property
+    def content(self) -> Mapping[str, Any]:
+        """The study's text, parsed."""
+        return tomllib.loads(self.text)
 
     @property
     def sha256(self) -> str:

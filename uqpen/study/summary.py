@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterable, Iterator
 from html import escape
 
@@ -164,7 +163,7 @@ def default_run_lines(study: ValidatedStudy) -> Iterator[str]:
 
     Runs of a vectorised model cost little, so that there is none of these.
     """
-    stated = tomllib.loads(study.text).get("designs", {})
+    stated = study.content.get("designs", {})
     for name, design in study.designs.items():
         runs = design.run_count(study.joint)
         counts = {
