@@ -184,7 +184,7 @@ def check_tables(
 
 
 def check_outputs(
-    table: TableReader, designs: dict[str, Design], quantities: Sequence[QuantityOfInterest]
+    table: TableReader, designs: Mapping[str, Design], quantities: Sequence[QuantityOfInterest]
 ) -> None:
     """Note designs that do not fit the outputs of the first model."""
     for name, design in designs.items():
@@ -192,7 +192,7 @@ def check_outputs(
 
 
 def check_models(
-    table: TableReader, designs: dict[str, Design], models: Mapping[str, Variant]
+    table: TableReader, designs: Mapping[str, Design], models: Mapping[str, Variant]
 ) -> None:
     """Note designs that do not fit the models and the costs of their runs."""
     stand_ins = {name: each.stand_in for name, each in models.items() if each.stand_in}
@@ -292,7 +292,9 @@ def _box_reason(design: Design) -> str:
     return ""
 
 
-def check_designs(table: TableReader, designs: dict[str, Design], joint: JointDistribution) -> None:
+def check_designs(
+    table: TableReader, designs: Mapping[str, Design], joint: JointDistribution
+) -> None:
     """Note other designs that do not fit the inputs."""
     for name, design in designs.items():
         if isinstance(each_point_once(design), TableDesign | DataDesign):

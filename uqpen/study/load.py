@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -171,17 +171,16 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
         tables["designs"] = root.inside(STAND_IN, "designs")
     root.check_unknown_keys()
     model, models = derive_outputs(tables["outputs"], model, models)
+    # What is compared with the model waits until it has no mistake.
+    whole_model = model if are_models_whole else None
     fields: dict[str, Any] = {
         section.field: tables[key].whole_settings(resolve(section.settings))
         for key, section in SECTIONS.items()
         if section.settings and tables[key].is_given
     }
-    sections = read_measured(tables["measured"], model if are_models_whole else None)
-    validations = read_validations(
-        tables["validation"], tables["measured"], sections, model if are_models_whole else None
-    )
-    measured = {key: each for key, each in sections.items() if each is not None}
-    methods = _read_methods(tables, model if are_models_whole else None, sections)
+    sections = read_measured(tables["measured"], whole_model)
+    validations = read_validations(tables["validation"], tables["measured"], sections, whole_model)
+    methods = _read_methods(tables, whole_model, sections)
     inputs, joint, is_clear = _read_joint(
         root, tables, model, models, methods.designs, heading.seed
     )
@@ -194,8 +193,7 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
         plan = plan_budget(root, budget, joint, models, is_constrained=bool(constraints))
         for key in ("designs", "surrogates"):
             tables[key] = root.inside(plan.section(key), key)
-        methods = _read_methods(tables, model if are_models_whole else None, sections)
-    designs, surrogates = methods.designs, methods.surrogates
+        methods = _read_methods(tables, whole_model, sections)
     sources = frozenset({*tables["designs"], *tables["surrogates"]})
     parts = StudyParts(model, sources, heading.confidence_level)
     fields |= {
@@ -203,50 +201,59 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
         for key, section in SECTIONS.items()
         if section.reader
     }
-    quantities = fields["quantities_of_interest"]
-    check_variants(root, models, {entry.variable.name for entry in joint.random})
-    check_surrogates(tables["surrogates"], surrogates, designs, model, joint if is_clear else None)
-    if is_clear:
-        check_roles(tables["measured"], measured, joint)
-        check_designs(tables["designs"], designs, joint)
-        check_analyses(root, analyses, joint)
-    check_stand_ins(root, models)
-    check_finer(root, models)
-    if are_models_whole:
-        check_outputs(tables["designs"], designs, quantities)
-        check_models(tables["designs"], designs, models)
-        check_noise(root, designs, models, fields.get("failures") or FailurePolicy())
-    refined = refined_designs(
-        tables["surrogates"], surrogates, designs, models, quantities, tuple(constraints)
-    )
-    if are_models_whole and not inputs.unclear and tables["inputs"].is_given:
-        for variant in models.values():
-            _check_nominal(tables["inputs"], variant, joint)
-    _check_readings(root, fields["published"], name)
-    if root.problems:
-        raise document.error(root.problems)
-    return ValidatedStudy(
+    study = ValidatedStudy(
         name=name,
         title=heading.title or name,
         seed=heading.seed,
         models=models,
         joint=joint,
         constraints=constraints,
-        designs=refined,
         text=plan.text,
-        surrogates=surrogates,
         folder=folder,
         analyses=analyses,
-        design_modules=methods.design_modules,
-        surrogate_origins=methods.surrogate_origins,
         confidence_level=heading.confidence_level,
         plan=tuple(each.text for each in plan.tables),
         left_out=heading.left_out,
-        measured=measured,
+        measured={key: each for key, each in sections.items() if each is not None},
         validations=validations,
         swept=tuple(tables["sweep"]),
+        **methods._asdict(),
         **fields,
     )
+    _check_parts(root, tables, study, model, joint if is_clear else None, whole_model)
+    asked = study.quantities_of_interest, constraints
+    refined = refined_designs(tables["surrogates"], study.surrogates, study.designs, models, *asked)
+    if whole_model is not None and not inputs.unclear and tables["inputs"].is_given:
+        for variant in models.values():
+            _check_nominal(tables["inputs"], variant, joint)
+    _check_readings(root, study.published, name)
+    if root.problems:
+        raise document.error(root.problems)
+    return replace(study, designs=refined)
+
+
+def _check_parts(
+    root: TableReader,
+    tables: Mapping[str, TableReader],
+    study: ValidatedStudy,
+    model: Model,
+    joint: JointDistribution | None,
+    whole_model: Model | None,
+) -> None:
+    """Note what parts of a study contradict; without a whole joint distribution or model, less."""
+    designs, models = study.designs, study.models
+    check_variants(root, models, {entry.variable.name for entry in study.joint.random})
+    check_surrogates(tables["surrogates"], study.surrogates, designs, model, joint)
+    if joint is not None:
+        check_roles(tables["measured"], study.measured, joint)
+        check_designs(tables["designs"], designs, joint)
+        check_analyses(root, study.analyses, joint)
+    check_stand_ins(root, models)
+    check_finer(root, models)
+    if whole_model is not None:
+        check_outputs(tables["designs"], designs, study.quantities_of_interest)
+        check_models(tables["designs"], designs, models)
+        check_noise(root, designs, models, study.failures or FailurePolicy())
 
 
 class _Methods(NamedTuple):

@@ -653,7 +653,7 @@ def check_sweep(table: TableReader) -> None:
             table.add_problem(name, found, "an input that no formula names")
 
 
-def check_variants(root: TableReader, variants: dict[str, Variant], random: set[str]) -> None:
+def check_variants(root: TableReader, variants: Mapping[str, Variant], random: set[str]) -> None:
     """Note inputs that a model sets for itself though the study draws them, and seeds it gives."""
     for name, variant in variants.items():
         place = ("models", name) if name else ("model",)
