@@ -17,7 +17,7 @@ from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
-from seed_table import STUDIES, Row, SeedTable
+from seed_table import STUDIES, Row, SeedTable, counted, lines
 
 import uqpen
 from uqpen.designs import DESIGNS
@@ -129,15 +129,14 @@ def _agreement(rows: Sequence[SimpleNamespace]) -> Iterator[str]:
     for row in rows:
         seeds.setdefault(row.method, set()).add(row.seed)
     names = [name for name, own in seeds.items() if len(own) > 1]
-    yield f"| seeds whose interval contains the value of {MOST_RUNS} | {' | '.join(names)} |"
-    yield f"|---|{'---|' * len(names)}"
+    found = []
     for label in (f"P(> {each} cm)" for each in THRESHOLDS):
-        texts = []
+        found.append([label])
         for name in names:
             own = [row for row in rows if (row.method, row.quantity) == (name, label)]
             inside = sum(row.lower <= most[label].estimate <= row.upper for row in own)
-            texts.append(f"{inside} of {len(own)}" if own else "–")
-        yield f"| {label} | {' | '.join(texts)} |"
+            found[-1].append(f"{inside} of {len(own)}" if own else "–")
+    yield from lines([f"seeds whose interval contains the value of {MOST_RUNS}", *names], found)
 
 
 def _first_answers(rows: Sequence[SimpleNamespace]) -> Iterator[str]:
@@ -147,18 +146,15 @@ def _first_answers(rows: Sequence[SimpleNamespace]) -> Iterator[str]:
         first[row.method] = min(row.seed, first.get(row.method, row.seed))
     shown = [row for row in rows if row.seed == first[row.method]]
     names = list(dict.fromkeys(row.method for row in shown))
-    yield f"| | {' | '.join(names)} |"
-    yield f"|---|{'---|' * len(names)}"
     cells = {(row.quantity, row.method): row for row in shown}
-    labels = [f"P(> {each} cm)" for each in THRESHOLDS] + [f"{100 * c:g} %" for c in CONTENTS]
-    for label in labels:
-        texts = [_cell(cells.get((label, name))) for name in names]
-        head = label if label.startswith("P") else f"thickness [cm] for {label}"
-        yield f"| {head} | {' | '.join(texts)} |"
-    counts = (
-        " + ".join(f"{runs:,}".replace(",", " ") for runs in _runs(shown, name)) for name in names
-    )
-    yield f"| runs | {' | '.join(counts)} |"
+    labels = {f"P(> {each} cm)": f"P(> {each} cm)" for each in THRESHOLDS}
+    labels |= {f"{100 * each:g} %": f"thickness [cm] for {100 * each:g} %" for each in CONTENTS}
+    found = [
+        [head, *(_cell(cells.get((label, name))) for name in names)]
+        for label, head in labels.items()
+    ]
+    counts = (" + ".join(map(counted, _runs(shown, name))) for name in names)
+    yield from lines(["", *names], [*found, ["runs", *counts]])
 
 
 def _runs(rows: Sequence[SimpleNamespace], method: str) -> list[int]:

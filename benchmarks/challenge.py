@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from seed_table import fill
+from seed_table import fill, lines
 
 from uqpen.core.arrays import FloatArray
 from uqpen.statistics.intervals import clopper_pearson, student_quantile
@@ -110,11 +110,9 @@ def page(
     answers: Sequence[Answer], truths: Mapping[str, float], level: float = LEVEL
 ) -> Iterator[str]:
     """Yield the lines of the table; within a problem, the best interval score comes first."""
-    yield (
-        "| problem | participant | answers | without interval | runs | bias | error "
-        "| coverage (95 % interval) | interval score (95 % interval) |"
-    )
-    yield "|---|---|---|---|---|---|---|---|---|"
+    head = ["problem", "participant", "answers", "without interval", "runs", "bias", "error"]
+    head += ["coverage (95 % interval)", "interval score (95 % interval)"]
+    table = []
     groups: dict[tuple[str, str], list[Answer]] = {}
     for answer in answers:
         groups.setdefault((answer.problem, answer.participant), []).append(answer)
@@ -125,7 +123,8 @@ def page(
             if name == problem
         }
         ranked = sorted(found.items(), key=lambda item: _rank(item[1]))
-        yield from (_line(problem, *each) for each in ranked)
+        table += [_line(problem, *each) for each in ranked]
+    yield from lines(head, table)
 
 
 def _rank(found: Score) -> tuple[int, float, float]:
@@ -134,15 +133,15 @@ def _rank(found: Score) -> tuple[int, float, float]:
     return found.refused, math.inf if math.isnan(mean) else mean, found.error
 
 
-def _line(problem: str, participant: str, found: Score) -> str:
+def _line(problem: str, participant: str, found: Score) -> list[object]:
     coverage = " to ".join(f"{100 * end:.1f}" for end in found.coverage[1:])
     scores = " to ".join(f"{end:.3g}" for end in found.interval_score[1:])
-    return (
-        f"| {problem} | {participant} | {found.repeats} | {found.refused} | {found.runs:.0f} "
-        f"| {100 * found.bias:+.1f} % | {100 * found.error:.1f} % "
-        f"| {100 * found.coverage[0]:.1f} % ({coverage} %) "
-        f"| {found.interval_score[0]:.3g} ({scores}) |"
-    )
+    return [
+        *(problem, participant, found.repeats, found.refused, f"{found.runs:.0f}"),
+        *(f"{100 * found.bias:+.1f} %", f"{100 * found.error:.1f} %"),
+        f"{100 * found.coverage[0]:.1f} % ({coverage} %)",
+        f"{found.interval_score[0]:.3g} ({scores})",
+    ]
 
 
 def read_answers(paths: Sequence[Path]) -> list[Answer]:
@@ -180,12 +179,11 @@ def main() -> None:
     parser.add_argument("--level", type=float, default=LEVEL, help="of the stated intervals")
     parser.add_argument("--markdown", type=Path, metavar="FILE.md", help="a page with marks")
     options = parser.parse_args()
-    lines = "\n".join(
-        page(read_answers(options.answers), read_truths(options.truths), options.level)
-    )
-    print(lines)
+    answers, truths = read_answers(options.answers), read_truths(options.truths)
+    text = "\n".join(page(answers, truths, options.level))
+    print(text)
     if options.markdown:
-        fill(options.markdown, "challenge", lines)
+        fill(options.markdown, "challenge", text)
 
 
 if __name__ == "__main__":

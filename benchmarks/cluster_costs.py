@@ -21,7 +21,7 @@ from statistics import median
 from typing import NamedTuple
 
 import numpy as np
-from seed_table import fill
+from seed_table import fill, lines
 
 from uqpen.core.streams import BLOCK
 from uqpen.execution import Evaluator
@@ -163,23 +163,19 @@ def _plans() -> tuple[Plan, ...]:
 
 def _lines(found: list[Costs]) -> Iterator[str]:
     costs = Costs(*map(median, zip(*found, strict=True)))
-    yield "| measured, processor time | this process | the scheduler |"
-    yield "|---|---|---|"
-    for name, fields, scale, unit in (
-        ("a task", (0, 2), 1e3, "ms"),
-        ("a megabyte", (1, 3), 1e9, "ms"),
-    ):
-        cells = (_spread([each[field] * scale for each in found]) for field in fields)
-        yield f"| {name} [{unit}] | {' | '.join(cells)} |"
+    rows = [
+        [f"{name} [ms]", *(_spread([each[field] * scale for each in found]) for field in fields)]
+        for name, fields, scale in (("a task", (0, 2), 1e3), ("a megabyte", (1, 3), 1e9))
+    ]
+    yield from lines(["measured, processor time", "this process", "the scheduler"], rows)
     yield ""
-    heads = ("tasks", "each worker", "this process", "scheduler", "limit")
-    yield f"| 1e10 runs, {WORKERS} workers | {' | '.join(heads)} |"
-    yield "|---|---|---|---|---|---|"
+    heads = ["tasks", "each worker", "this process", "scheduler", "limit"]
+    rows = []
     for plan in _plans():
         seconds = plan.seconds(costs)
-        cells = (_duration(each) for each in seconds.values())
-        first = max(seconds, key=lambda name: seconds[name])
-        yield f"| {plan.name} | {plan.tasks:.2g} | {' | '.join(cells)} | {first} |"
+        most = max(seconds, key=lambda name: seconds[name])
+        rows.append([plan.name, f"{plan.tasks:.2g}", *map(_duration, seconds.values()), most])
+    yield from lines([f"1e10 runs, {WORKERS} workers", *heads], rows)
 
 
 def _spread(values: list[float]) -> str:

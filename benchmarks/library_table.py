@@ -7,9 +7,10 @@ benchmarks/libraries. The exact answers are those of Ishigami's function.
 from __future__ import annotations
 
 import math
-import re
 import runpy
 from pathlib import Path
+
+from seed_table import fill, lines
 
 from uqpen.archive.estimates import unpack
 from uqpen.study.load import load_study
@@ -17,7 +18,6 @@ from uqpen.workflow import run
 
 HERE = Path(__file__).parent / "libraries"
 PAGE = Path(__file__).parents[1] / "docs" / "libraries.md"
-_MARK = "<!-- comparison: written by benchmarks/library_table.py -->\n"
 _NAMES = ("x1", "x2", "x3")
 # Variance 1/2 + 49/8 + π⁴/50 + π⁸/1800.
 _VARIANCE = 0.5 + 49 / 8 + math.pi**4 / 50 + math.pi**8 / 1800
@@ -66,14 +66,13 @@ def _cell(found: Found, figure: str) -> str:
 
 def table(columns: dict[str, tuple[int, Found]]) -> str:
     """Return the table: the lines of each text, its figures, and its error bars."""
-    rows = [["", "exact", *columns], ["---"] * (len(columns) + 2)]
-    rows.append(["lines", "", *(str(lines) for lines, _ in columns.values())])
+    rows = [["lines", "", *(count for count, _ in columns.values())]]
     for figure in FIGURES:
         exact = f"{EXACT[figure]:.2f}" if figure in EXACT else "–"
         rows.append([figure, exact, *(_cell(found, figure) for _, found in columns.values())])
     bars = [sum(math.isfinite(each[1]) for each in found.values()) for _, found in columns.values()]
-    rows.append(["figures with an error bar", "", *map(str, bars)])
-    return "".join(f"| {' | '.join(row)} |\n" for row in rows).replace("|  |", "| |")
+    rows.append(["figures with an error bar", "", *bars])
+    return "\n".join(lines(["", "exact", *columns], rows))
 
 
 def measured() -> dict[str, tuple[int, Found]]:
@@ -85,18 +84,5 @@ def measured() -> dict[str, tuple[int, Found]]:
     }
 
 
-def with_table(page: str, written: str) -> str:
-    """Return the text of the page with the table."""
-    between = re.compile(f"(?<={re.escape(_MARK)})\n(?:\\|.*\n)*")
-    assert len(between.findall(page)) == 1
-    return between.sub(lambda _: f"\n{written}", page)
-
-
-def main() -> None:
-    """Write the table into the page."""
-    page = PAGE.read_text(encoding="utf-8")
-    PAGE.write_text(with_table(page, table(measured())), encoding="utf-8")
-
-
 if __name__ == "__main__":
-    main()
+    fill(PAGE, "comparison", table(measured()))

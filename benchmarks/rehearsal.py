@@ -15,6 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from seed_table import lines
 
 from uqpen.benchmark.methods import BenchmarkStatistic, benchmark_statistics
 from uqpen.core.arrays import FloatArray
@@ -79,14 +80,14 @@ def table(
         for made, truth in zip(estimates, (of_surrogate, of_model), strict=True)
     )
     entries = [(each.output, each.name, str(one)) for each in statistics for one in each.entries]
-    yield "| output | statistic | tail, surrogate / runs | design | rehearsed | measured |"
-    yield "|---|---|---|---|---|---|"
+    rows = []
     for position, (output, name, label) in enumerate(entries):
         for number, source in enumerate(sources):
             cells = [_cell(each, number, position) for each in (rehearsed, measured)]
             share = " / ".join(f"{each:.2f}" for each in tails[:, position])
-            words = (output, f"{name} {label}".strip(), share, source.name, *cells)
-            yield f"| {' | '.join(words)} |"
+            rows.append([output, f"{name} {label}".strip(), share, source.name, *cells])
+    head = ["output", "statistic", "tail, surrogate / runs", "design", "rehearsed", "measured"]
+    yield from lines(head, rows)
 
 
 def _cell(record: RepeatRecord, source: int, entry: int) -> str:

@@ -249,10 +249,14 @@ def share_of(part: str, whole: str = "count") -> Callable[[Any], str]:
 def lines(head: Iterable[str], rows: Iterable[Iterable[object]]) -> Iterator[str]:
     """Yield a table in Markdown."""
     names = list(head)
-    yield f"| {' | '.join(names)} |"
+    yield _line(names)
     yield "|---" * len(names) + "|"
-    for row in rows:
-        yield f"| {' | '.join(map(str, row))} |"
+    yield from map(_line, rows)
+
+
+def _line(cells: Iterable[object]) -> str:
+    texts = map(str, cells)
+    return "".join(f"| {each} " if each else "| " for each in texts) + "|"
 
 
 def too_seldom(cells: Mapping[Any, SimpleNamespace]) -> Iterator[str]:

@@ -26,16 +26,13 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import numpy as np
 from program import Erode, compile_limit, find_compiler
 from reference import admissible_points, dop853, worst_error
-from seed_table import fill
+from seed_table import fill, lines
 
 from uqpen.core.arrays import FloatArray
 from uqpen.models import walker_anderson
 from uqpen.models.walker_anderson import DEFAULT_TOLERANCE, WalkerAnderson, erode
 
-HEAD = (
-    "| | tolerance | largest error | evaluations a run | ns each | µs a run |",
-    "|---|---|---|---|---|---|",
-)
+HEAD = ("", "tolerance", "largest error", "evaluations a run", "ns each", "µs a run")
 CHECKED = 100
 REPEATS = 21
 ALLOWED = 1.5
@@ -118,16 +115,14 @@ def _table(ways: Mapping[str, Measured], rods: FloatArray) -> tuple[str, float]:
     each_run = {name: median(found.tolist()) / rods.shape[1] for name, found in seconds.items()}
     low, high = np.quantile(ratios, (0.25, 0.75))
     said = f"Ratio of times, by turns: {ratio:.2f} (half of {REPEATS} in {low:.2f} to {high:.2f})."
-    return "\n".join([*HEAD, *_rows(ways, each_run), "", said]), ratio
+    return "\n".join([*lines(HEAD, _rows(ways, each_run)), "", said]), ratio
 
 
-def _rows(ways: Mapping[str, Measured], seconds: Mapping[str, float]) -> Iterator[str]:
+def _rows(ways: Mapping[str, Measured], seconds: Mapping[str, float]) -> Iterator[list[str]]:
     for name, way in ways.items():
         each = seconds[name] / way.evaluations * 1e9
-        yield (
-            f"| {name} | {way.tolerance:.1e} | {way.error:.1e} | {way.evaluations:.0f} "
-            f"| {each:.1f} | {seconds[name] * 1e6:.2f} |"
-        )
+        numbers = f"{way.tolerance:.1e}", f"{way.error:.1e}", f"{way.evaluations:.0f}"
+        yield [name, *numbers, f"{each:.1f}", f"{seconds[name] * 1e6:.2f}"]
 
 
 if __name__ == "__main__":

@@ -4,34 +4,23 @@ from __future__ import annotations
 
 import chaospy
 import numpy as np
-from shared import (
-    DIMENSION,
-    LOWER,
-    UPPER,
-    Figures,
-    fresh_points,
-    function,
-    main,
-    one_run,
-    unexplained,
-)
-from shared import moments as figures
+import shared
 
 
 def joint() -> chaospy.Distribution:
-    return chaospy.Iid(chaospy.Uniform(LOWER, UPPER), DIMENSION)
+    return chaospy.Iid(chaospy.Uniform(shared.LOWER, shared.UPPER), shared.DIMENSION)
 
 
-def moments(runs: int, seed: int) -> Figures:
-    return figures(function(joint().sample(runs, seed=seed).T))
+def moments(runs: int, seed: int) -> shared.Figures:
+    return shared.moments(shared.function(joint().sample(runs, seed=seed).T))
 
 
-def one_by_one(runs: int, seed: int) -> Figures:
+def one_by_one(runs: int, seed: int) -> shared.Figures:
     points = joint().sample(runs, seed=seed).T.tolist()
-    return figures(np.array([one_run(*point) for point in points]))
+    return shared.moments(np.array([shared.one_run(*point) for point in points]))
 
 
-def expansion(runs: int, seed: int) -> Figures:
+def expansion(runs: int, seed: int) -> shared.Figures:
     """Least angle regression of scikit-learn, as chaospy's documentation advises."""
     from sklearn.linear_model import LarsCV
 
@@ -39,9 +28,9 @@ def expansion(runs: int, seed: int) -> Figures:
     points = joint().sample(runs, rule="latin_hypercube")
     terms = chaospy.generate_expansion(8, joint(), normed=True)
     fit = LarsCV(fit_intercept=False, max_iter=min(runs // 2, 100))
-    fitted = chaospy.fit_regression(terms, points, function(points.T), model=fit)
-    return unexplained(fitted(*fresh_points().T))
+    fitted = chaospy.fit_regression(terms, points, shared.function(points.T), model=fit)
+    return shared.unexplained(fitted(*shared.fresh_points().T))
 
 
 if __name__ == "__main__":
-    main("chaospy", moments, one_by_one, expansion)
+    shared.main("chaospy", moments, one_by_one, expansion)

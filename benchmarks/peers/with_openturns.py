@@ -4,53 +4,42 @@ from __future__ import annotations
 
 import numpy as np
 import openturns as ot
-from shared import (
-    DIMENSION,
-    LOWER,
-    PROBABILITIES,
-    UPPER,
-    Figures,
-    fresh_points,
-    function,
-    main,
-    one_run,
-    unexplained,
-)
+import shared
 
 BOOTSTRAPS = 100
 
 
 def joint() -> ot.JointDistribution:
-    return ot.JointDistribution([ot.Uniform(LOWER, UPPER)] * DIMENSION)
+    return ot.JointDistribution([ot.Uniform(shared.LOWER, shared.UPPER)] * shared.DIMENSION)
 
 
 def vectorized() -> ot.PythonFunction:
     def sample(points: ot.Sample) -> object:
-        return function(np.asarray(points))[:, None]
+        return shared.function(np.asarray(points))[:, None]
 
-    return ot.PythonFunction(DIMENSION, 1, func_sample=sample)
+    return ot.PythonFunction(shared.DIMENSION, 1, func_sample=sample)
 
 
-def figures(values: ot.Sample) -> Figures:
+def figures(values: ot.Sample) -> shared.Figures:
     return {
         "mean": values.computeMean()[0],
         "std": values.computeStandardDeviation()[0],
-        "quantiles": [values.computeQuantilePerComponent(p)[0] for p in PROBABILITIES],
+        "quantiles": [values.computeQuantilePerComponent(p)[0] for p in shared.PROBABILITIES],
     }
 
 
-def moments(runs: int, seed: int) -> Figures:
+def moments(runs: int, seed: int) -> shared.Figures:
     ot.RandomGenerator.SetSeed(seed)
     return figures(vectorized()(joint().getSample(runs)))
 
 
-def one_by_one(runs: int, seed: int) -> Figures:
+def one_by_one(runs: int, seed: int) -> shared.Figures:
     ot.RandomGenerator.SetSeed(seed)
-    model = ot.PythonFunction(DIMENSION, 1, lambda point: [one_run(*point)])
+    model = ot.PythonFunction(shared.DIMENSION, 1, lambda point: [shared.one_run(*point)])
     return figures(model(joint().getSample(runs)))
 
 
-def given_data(runs: int, seed: int) -> Figures:
+def given_data(runs: int, seed: int) -> shared.Figures:
     ot.RandomGenerator.SetSeed(seed)
     points = joint().getSample(runs)
     algorithm = ot.RankSobolSensitivityAlgorithm(points, vectorized()(points))
@@ -61,9 +50,9 @@ def given_data(runs: int, seed: int) -> Figures:
     }
 
 
-def sobol(runs: int, seed: int) -> Figures:
+def sobol(runs: int, seed: int) -> shared.Figures:
     ot.RandomGenerator.SetSeed(seed)
-    base = runs // (DIMENSION + 2)
+    base = runs // (shared.DIMENSION + 2)
     points = ot.SobolIndicesExperiment(joint(), base).generate()
     algorithm = ot.SaltelliSensitivityAlgorithm(points, vectorized()(points), base)
     return {
@@ -78,12 +67,14 @@ def bounds(interval: ot.Interval) -> list[list[float]]:
     return list(map(list, zip(interval.getLowerBound(), interval.getUpperBound(), strict=True)))
 
 
-def expansion(runs: int, seed: int) -> Figures:
+def expansion(runs: int, seed: int) -> shared.Figures:
     """Least angle regression by the corrected leave-one-out error, of total degree 12."""
     ot.RandomGenerator.SetSeed(seed)
     points = ot.LHSExperiment(joint(), runs).generate()
-    enumerate_terms = ot.LinearEnumerateFunction(DIMENSION)
-    polynomials = [ot.StandardDistributionPolynomialFactory(ot.Uniform(LOWER, UPPER))] * DIMENSION
+    enumerate_terms = ot.LinearEnumerateFunction(shared.DIMENSION)
+    polynomials = [
+        ot.StandardDistributionPolynomialFactory(ot.Uniform(shared.LOWER, shared.UPPER))
+    ] * shared.DIMENSION
     basis = ot.OrthogonalProductPolynomialFactory(polynomials, enumerate_terms)
     selection = ot.LeastSquaresMetaModelSelectionFactory(ot.LARS(), ot.CorrectedLeaveOneOut())
     algorithm = ot.FunctionalChaosAlgorithm(
@@ -94,8 +85,10 @@ def expansion(runs: int, seed: int) -> Figures:
         ot.LeastSquaresStrategy(selection),
     )
     algorithm.run()
-    return unexplained(np.asarray(algorithm.getResult().getMetaModel()(fresh_points())))
+    return shared.unexplained(
+        np.asarray(algorithm.getResult().getMetaModel()(shared.fresh_points()))
+    )
 
 
 if __name__ == "__main__":
-    main("openturns", moments, one_by_one, given_data, sobol, expansion)
+    shared.main("openturns", moments, one_by_one, given_data, sobol, expansion)

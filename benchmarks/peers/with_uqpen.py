@@ -6,30 +6,19 @@ import warnings
 from typing import Any
 
 import numpy as np
-from shared import (
-    DIMENSION,
-    LOWER,
-    NAMES,
-    PROBABILITIES,
-    UPPER,
-    Figures,
-    FloatArray,
-    fresh_points,
-    function,
-    main,
-    one_run,
-    unexplained,
-)
+import shared
 
 import uqpen
 
 
-def by_arrays(x1: FloatArray, x2: FloatArray, x3: FloatArray) -> dict[str, FloatArray]:
-    return {"y": function(np.column_stack((x1, x2, x3)))}
+def by_arrays(
+    x1: shared.FloatArray, x2: shared.FloatArray, x3: shared.FloatArray
+) -> dict[str, shared.FloatArray]:
+    return {"y": shared.function(np.column_stack((x1, x2, x3)))}
 
 
 def by_numbers(x1: float, x2: float, x3: float) -> dict[str, float]:
-    return {"y": one_run(x1, x2, x3)}
+    return {"y": shared.one_run(x1, x2, x3)}
 
 
 def archive_of(
@@ -37,13 +26,13 @@ def archive_of(
 ) -> uqpen.Archive:
     model = uqpen.PythonModel(
         by_arrays if vectorized else by_numbers,
-        inputs=dict.fromkeys(NAMES, "1"),
+        inputs=dict.fromkeys(shared.NAMES, "1"),
         outputs={"y": "1"},
         vectorized=vectorized,
     )
     study = uqpen.Study(
         model=model,
-        inputs=dict.fromkeys(NAMES, uqpen.Uniform(LOWER, UPPER)),
+        inputs=dict.fromkeys(shared.NAMES, uqpen.Uniform(shared.LOWER, shared.UPPER)),
         designs={"design": design},
         surrogates=surrogates,
         seed=seed,
@@ -53,10 +42,10 @@ def archive_of(
     return uqpen.run(study)
 
 
-def figures(archive: uqpen.Archive) -> Figures:
+def figures(archive: uqpen.Archive) -> shared.Figures:
     found = archive["statistics/design/y"]
     given = found["quantile"].sel(bound="estimate").values
-    assert np.allclose(found["probability"], PROBABILITIES)
+    assert np.allclose(found["probability"], shared.PROBABILITIES)
     return {
         "mean": float(found["mean"].sel(bound="estimate")),
         "std": float(found["std"].sel(bound="estimate")),
@@ -64,7 +53,7 @@ def figures(archive: uqpen.Archive) -> Figures:
     }
 
 
-def indices(archive: uqpen.Archive, *names: str) -> Figures:
+def indices(archive: uqpen.Archive, *names: str) -> shared.Figures:
     found = archive["statistics/design/y"]
     result = {}
     for name in names:
@@ -74,32 +63,34 @@ def indices(archive: uqpen.Archive, *names: str) -> Figures:
     return result
 
 
-def moments(runs: int, seed: int) -> Figures:
+def moments(runs: int, seed: int) -> shared.Figures:
     return figures(archive_of(uqpen.MonteCarlo(runs=runs), seed))
 
 
-def one_by_one(runs: int, seed: int) -> Figures:
+def one_by_one(runs: int, seed: int) -> shared.Figures:
     return figures(archive_of(uqpen.MonteCarlo(runs=runs), seed, vectorized=False))
 
 
-def given_data(runs: int, seed: int) -> Figures:
+def given_data(runs: int, seed: int) -> shared.Figures:
     design = uqpen.MonteCarlo(runs=runs)
     return indices(archive_of(design, seed, sensitivity=True), "first_order")
 
 
-def sobol(runs: int, seed: int) -> Figures:
-    design = uqpen.Saltelli(base=runs // (DIMENSION + 2))
+def sobol(runs: int, seed: int) -> shared.Figures:
+    design = uqpen.Saltelli(base=runs // (shared.DIMENSION + 2))
     return indices(archive_of(design, seed, sensitivity=True), "first_order", "total_order")
 
 
-def expansion(runs: int, seed: int) -> Figures:
+def expansion(runs: int, seed: int) -> shared.Figures:
     chaos = uqpen.PolynomialChaos(design="design")
     archive = archive_of(uqpen.LatinHypercube(runs=runs, replicates=1), seed, chaos=chaos)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", uqpen.ExtrapolationWarning)  # beyond the outermost run
-        predicted = archive.surrogate("chaos")(**dict(zip(NAMES, fresh_points().T, strict=True)))
-    return unexplained(predicted["y"].values)
+        predicted = archive.surrogate("chaos")(
+            **dict(zip(shared.NAMES, shared.fresh_points().T, strict=True))
+        )
+    return shared.unexplained(predicted["y"].values)
 
 
 if __name__ == "__main__":
-    main("uqpen", moments, one_by_one, given_data, sobol, expansion)
+    shared.main("uqpen", moments, one_by_one, given_data, sobol, expansion)

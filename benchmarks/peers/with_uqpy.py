@@ -8,18 +8,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from shared import (
-    DIMENSION,
-    LOWER,
-    UPPER,
-    Figures,
-    FloatArray,
-    fresh_points,
-    function,
-    main,
-    unexplained,
-)
-from shared import moments as figures
+import shared
 from UQpy.distributions import JointIndependent, Uniform
 from UQpy.run_model import PythonModel, RunModel
 from UQpy.sampling import LatinHypercubeSampling, MonteCarloSampling
@@ -31,7 +20,7 @@ from UQpy.surrogates import (
     TotalDegreeBasis,
 )
 
-INPUTS = [Uniform(LOWER, UPPER - LOWER)] * DIMENSION
+INPUTS = [Uniform(shared.LOWER, shared.UPPER - shared.LOWER)] * shared.DIMENSION
 
 
 def model() -> RunModel:
@@ -43,23 +32,25 @@ def model() -> RunModel:
     return RunModel(PythonModel("ishigami.py", "function", delete_files=True))
 
 
-def moments(runs: int, seed: int) -> Figures:
+def moments(runs: int, seed: int) -> shared.Figures:
     points = MonteCarloSampling(INPUTS, nsamples=runs, random_state=seed).samples
-    return figures(function(points))
+    return shared.moments(shared.function(points))
 
 
-def one_by_one(runs: int, seed: int) -> Figures:
+def one_by_one(runs: int, seed: int) -> shared.Figures:
     points = MonteCarloSampling(INPUTS, nsamples=runs, random_state=seed).samples
     runner = model()
     runner.run(samples=points)
-    return figures(np.ravel(runner.qoi_list))
+    return shared.moments(np.ravel(runner.qoi_list))
 
 
-def sobol(runs: int, seed: int) -> Figures:
+def sobol(runs: int, seed: int) -> shared.Figures:
     # A number would seed each input alike, and all three inputs of a point would be equal.
     stream = np.random.RandomState(seed)
     analysis = SobolSensitivity(model(), JointIndependent(INPUTS), random_state=stream)
-    analysis.run(n_samples=runs // (DIMENSION + 2), n_bootstrap_samples=100, confidence_level=0.95)
+    analysis.run(
+        n_samples=runs // (shared.DIMENSION + 2), n_bootstrap_samples=100, confidence_level=0.95
+    )
     return {
         "first_order": np.ravel(analysis.first_order_indices).tolist(),
         "first_order_bounds": bounds(analysis.first_order_confidence_interval),
@@ -68,19 +59,19 @@ def sobol(runs: int, seed: int) -> Figures:
     }
 
 
-def bounds(found: FloatArray) -> list[list[float]]:
-    return np.reshape(found, (DIMENSION, 2)).tolist()
+def bounds(found: shared.FloatArray) -> list[list[float]]:
+    return np.reshape(found, (shared.DIMENSION, 2)).tolist()
 
 
-def expansion(runs: int, seed: int) -> Figures:
+def expansion(runs: int, seed: int) -> shared.Figures:
     """Least angle regression, of total degree 12, by its own selection of terms."""
     points = LatinHypercubeSampling(INPUTS, nsamples=runs, random_state=seed).samples
     basis = TotalDegreeBasis(JointIndependent(INPUTS), 12)
     chaos = PolynomialChaosExpansion(basis, LeastSquareRegression())
-    chaos.fit(points, function(points))
+    chaos.fit(points, shared.function(points))
     chosen = LeastAngleRegression.model_selection(chaos)
-    return unexplained(chosen.predict(fresh_points()))
+    return shared.unexplained(chosen.predict(shared.fresh_points()))
 
 
 if __name__ == "__main__":
-    main("UQpy", moments, one_by_one, sobol, expansion)
+    shared.main("UQpy", moments, one_by_one, sobol, expansion)
