@@ -112,9 +112,8 @@ class Studies:
 
 @pytest.fixture(autouse=True)
 def _slow(monkeypatch):
-    """Runs are sent and kept one by one, as those are that take a second each."""
+    """Runs are sent one by one, as those are that take a second each."""
     monkeypatch.setattr("uqpen.execution.evaluation.WORTH_SENDING", 0.0)
-    monkeypatch.setattr("uqpen.checkpoints.folder._PATIENCE", 0.0)
     monkeypatch.setattr(os, "fsync", lambda file: None)
     # On any machine, as many are made again as there are.
     monkeypatch.setattr("uqpen.checkpoints.recheck._AT_MOST", 1e9)

@@ -73,13 +73,11 @@ def simulate(x):
     return {"y": x}
 """)
     text = STUDY.replace("[model]", '[model]\ntime_limit = "1 s"')
-    for retry, lost in ((0, 2), (1, 0)):
-        for mark in tmp_path.glob("*[0-9]"):
-            mark.unlink()
-        study = uqpen.parse_study(f"{text}[failures]\nretry = {retry}\n", folder=tmp_path)
-        with processes(2) as pool:
-            runs = uqpen.run(study, map=pool)["runs/some"]
-        assert (runs["status"].values == Status.TIMED_OUT).sum() == lost
+    study = uqpen.parse_study(f"{text}[failures]\nretry = 1\n", folder=tmp_path)
+    with processes(2) as pool:
+        runs = uqpen.run(study, map=pool)["runs/some"]
+    assert len([*tmp_path.glob("*[0-9]")]) == 2, "these took too long at first"
+    assert (runs["status"].values == Status.OK).all()
 
 
 def test_more_losses_than_allowed_end_a_study_that_can_go_on(command_line, tmp_path):

@@ -82,26 +82,10 @@ def test_figures_are_shown_in_the_units_of_the_study(tree, tables):
     assert float(shown.split()[0]) == pytest.approx(100 * mean, abs=1)
 
 
-def test_a_percentage_scales_the_output_and_not_its_probabilities(tmp_path):
-    (tmp_path / "share.py").write_text("def f(x): return {'y': x}")
-    study = """
-        seed = 1
-        [model]
-        python = "share.py:f"
-        [model.inputs]
-        x = "1"
-        [model.outputs]
-        y = "1"
-        [inputs]
-        x = { uniform = { lower = 0.4, upper = 0.6 } }
-        [outputs.y]
-        unit = "%"
-        exceeds = ["50 %"]
-        [designs.a]
-        kind = "monte-carlo"
-        runs = 400
-    """
-    table = next(output_tables(uqpen.run(uqpen.parse_study(study, folder=tmp_path))))
+def test_a_percentage_scales_the_output_and_not_its_probabilities(study_of):
+    asked = '[outputs.y]\nunit = "%"\nexceeds = ["50 %"]'
+    design = '[designs.a]\nkind = "monte-carlo"\nruns = 400'
+    table = next(output_tables(uqpen.run(study_of("x", f"{asked}\n{design}", x=(0.4, 0.6)))))
     assert table.title == "y [%]"
     assert 49 < float(cell(table, "mean", "a").split()[0]) < 51
     assert 5 < float(cell(table, "sd", "a").split()[0]) < 7
@@ -118,23 +102,14 @@ def test_lost_runs_are_counted_and_their_probability_reported(tables):
     assert any("conditional on admissible inputs" in note for note in table.notes)
 
 
-def test_a_figure_without_an_interval_says_why(tables):
+def test_notes_say_what_an_interval_lacks(tables):
     table = tables["penetration_depth [cm]"]
     assert "±" not in cell(table, "sd", "few")
-    assert any("heavy tail" in note for note in table.notes)
     assert "half 16–84 % range" in dict(table.rows)
-
-
-def test_a_bound_that_too_few_runs_give_says_how_many_it_takes(tables):
-    table = tables["penetration_depth [cm]"]
     assert "at most" in cell(table, "not exceeded, 90 %", "few")
     assert "at most" not in cell(table, "not exceeded, 99.99 %", "few")
-    assert any("at least 29956 runs" in note for note in table.notes)
-
-
-def test_a_wider_interval_than_need_be_says_so(tables):
-    table = tables["penetration_depth [cm]"]
-    assert any("conservative" in note for note in table.notes)
+    for words in ("heavy tail", "at least 29956 runs", "conservative"):
+        assert any(words in note for note in table.notes), words
 
 
 def test_kinds_have_shares_and_no_mean(tables):
@@ -189,16 +164,19 @@ def test_json_holds_every_figure_in_si_units(tree):
     assert depth["mean"]["interval_label"] == "nominal"
 
 
+# A surrogate, which is fitted to the design before it.
+FITTED = """
+[designs.lhs]
+kind = "latin-hypercube"
+runs = 100
+[surrogates.chaos]
+kind = "polynomial-chaos"
+design = "lhs"
+"""
+
+
 def test_json_holds_every_measure_that_lies_along_the_inputs(study_of):
-    text = """
-        [designs.lhs]
-        kind = "latin-hypercube"
-        runs = 100
-        [surrogates.chaos]
-        kind = "polynomial-chaos"
-        design = "lhs"
-        transform = { y = "log" }
-        """
+    text = f'{FITTED}transform = {{ y = "log" }}'
     tree = uqpen.run(study_of("np.exp(a + b)", text, a=(0, 1), b=(0, 1)))
     found = archive_json(tree)
     for kind, source in (("designs", "lhs"), ("surrogates", "chaos")):
@@ -209,16 +187,7 @@ def test_json_holds_every_measure_that_lies_along_the_inputs(study_of):
 
 
 def test_a_fixed_input_may_be_called_a_coefficient(study_of):
-    text = """
-        [designs.lhs]
-        kind = "latin-hypercube"
-        runs = 100
-        [surrogates.chaos]
-        kind = "polynomial-chaos"
-        design = "lhs"
-        """
-    study = study_of("drag_coefficient * x", text, x=(1, 2), drag_coefficient="3")
-    tree = uqpen.run(study)
+    tree = uqpen.run(study_of("drag_coefficient * x", FITTED, x=(1, 2), drag_coefficient="3"))
     (fit,) = [table for table in output_tables(tree) if table.title.startswith("chaos: fit")]
     assert [label for label, _ in fit.rows] == ["y"]
     assert list(archive_json(tree)["surrogates"]["chaos"]["outputs"]) == ["y"]

@@ -30,6 +30,8 @@ runs = 120
 PLAIN = f"""\
 title = "Small"
 seed = 1
+sensitivity = false
+convergence = false
 [model]
 use = "ishigami"
 {INPUTS}
@@ -46,6 +48,8 @@ design = "latin_hypercube"
 """
 SEVERAL = f"""\
 seed = 1
+sensitivity = false
+convergence = false
 [models.one]
 use = "ishigami"
 [models.other]
