@@ -195,28 +195,3 @@ def test_bands_and_bounds_are_the_textbooks():
     assert dkw_half_width(1000, 0.95) == pytest.approx(math.sqrt(math.log(40) / 2000))
     assert runs_needed(0.95, 0.95) == 59
     assert [runs_needed(p, 0.95) for p in (0.99, 0.999, 0.9999)] == [299, 2995, 29956]
-
-
-def test_ishigami_from_two_hundred_runs(study_of):
-    text = """
-    [designs.training]
-    kind = "latin-hypercube"
-    runs = 200
-    [surrogates.pce]
-    kind = "polynomial-chaos"
-    design = "training"
-    """
-    tree = uqpen.run(study_of(ISHIGAMI, text, a=PI, b=PI, c=PI))
-    first = tree["statistics/pce/y"]["first_order"].sel(bound="estimate").values
-    assert first == pytest.approx([0.31390519114781146, 0.4424111447900409, 0], abs=1e-4)
-    shapley = tree["statistics/pce/y"]["shapley"].sel(bound="estimate").values
-    exact = [0.4357470231788853, 0.4424111447900409, 0.12184183203107386]
-    assert shapley == pytest.approx(exact, abs=1e-4)
-    # The runs say that it is as good as it is: the ends are 0.001 away, and hardly more.
-    lower, upper = (
-        tree["statistics/pce/y"]["first_order"].sel(bound=b) for b in ("lower", "upper")
-    )
-    exact_first = [0.31390519114781146, 0.4424111447900409, 0]
-    assert (lower <= exact_first).all()
-    assert (exact_first <= upper).all()
-    assert float((upper - lower).max()) < 0.003

@@ -28,24 +28,6 @@ def test_the_example_of_a_beam_runs_and_is_right(tmp_path):
     assert mean == pytest.approx(3.35, rel=0.02)
 
 
-@pytest.mark.slow
-def test_the_lines_from_python_run(tmp_path, monkeypatch):
-    monkeypatch.setenv("MPLBACKEND", "Agg")
-    rods = (ROOT / "tests" / "data" / "rods.toml").read_text(encoding="utf-8")
-    design = '[designs.monte_carlo]\nkind = "monte-carlo"\nruns = 60\n'
-    study = uqpen.parse_study(f"seed = 1\n{rods}\n{design}")
-    uqpen.make_archive(study, tmp_path / "concrete.nc")
-    lines = blocks("python")[1]
-    assert lines.count("archives/concrete.nc") == 1
-    lines = lines.replace("archives/concrete.nc", str(tmp_path / "concrete.nc"))
-    monkeypatch.setattr(uqpen, "load_study", lambda path: study)
-    found = {}
-    exec(lines, found)
-    mean = found["tree"]["statistics/monte_carlo/penetration_depth"]["mean"]
-    assert lines.count('["statistics/monte_carlo/penetration_depth"]["mean"]') == 1
-    assert mean["bound"].values.tolist() == ["estimate", "lower", "upper"]
-
-
 def test_continuous_integration_runs_what_is_printed():
     line = next(block for block in blocks("sh") if "pytest" in block).strip()
     script = (ROOT / ".ci" / "run").read_text(encoding="utf-8").splitlines()

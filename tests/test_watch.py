@@ -186,13 +186,6 @@ class TestServer:
         assert "unsafe" not in headers["Content-Security-Policy"]
         assert headers["Cache-Control"] == "no-store"
 
-    def test_the_state_is_that_of_now(self):
-        state = dict(STATE)
-        with serve_watch_page(lambda: state) as server:
-            assert json.loads(self.ask(server, "/state.json")[2]) == STATE
-            state["done"] = 99
-            assert json.loads(self.ask(server, "/state.json")[2])["done"] == 99
-
     @pytest.mark.parametrize("host", ["evil.example", "127.0.0.1", "evil.example:{port}", ""])
     def test_a_request_for_another_host_is_refused(self, host):
         """The name of a foreign page may be made to stand for this machine."""
@@ -234,14 +227,6 @@ class TestServer:
             while code != 200:  # until the server has seen that they have left
                 with contextlib.suppress(ConnectionError, http.client.HTTPException):
                     code = self.ask(server, "/")[0]
-
-    def test_it_ends_with_its_context(self):
-        with serve_watch_page(lambda: STATE) as server:
-            port = server.port
-            assert server.server_address[0] == "127.0.0.1", "no other machine reaches it"
-        connection = http.client.HTTPConnection("127.0.0.1", port, timeout=PATIENCE)
-        with pytest.raises(ConnectionRefusedError):
-            connection.request("GET", "/")
 
 
 MODEL = """

@@ -275,7 +275,7 @@ def test_missing_runs_widen_a_probability_by_what_they_could_have_been(tmp_path)
         assert probability.attrs["missing"].endswith(" % of the admissible runs")
 
 
-@pytest.mark.parametrize("scale", [1e-300, 1e-100, 1e100, 1e300])
+@pytest.mark.parametrize("scale", [1e-300, 1e300])
 def test_tiny_and_huge_outputs_have_their_moments(tmp_path, scale):
     moments = python(tmp_path, f"{scale} * (1 + x)")["statistics/mc/y"]
     mean, std = moments["mean"].values / scale, moments["std"].values / scale

@@ -62,11 +62,6 @@ class TestStudy:
         assert max(map(len, done.out.splitlines())) <= 80
         assert "Small [bold]study[/bold]" in done.out, "a title is text and no markup"
 
-    def test_the_archive_goes_where_it_is_given(self, uqpen):
-        assert uqpen("study", "small.toml", "-o", "deep/er/mine.nc").code == 0
-        assert Path("deep/er/mine.nc").is_file()
-        assert not Path("archives").exists()
-
     def test_a_mistake_leaves_with_2_and_writes_nothing(self, uqpen):
         Path("wrong.toml").write_text(SMALL.replace("runs = 100", "runs = 0"), encoding="utf-8")
         done = uqpen("study", "wrong.toml")
@@ -122,11 +117,6 @@ class TestStudy:
         done = command_line(*arguments)
         assert done.code == 2
         assert "Usage" in done.err
-
-    def test_a_study_that_is_not_there_is_reported(self, uqpen):
-        done = uqpen("study", "absent.toml")
-        assert done.code == 2
-        assert "absent.toml: cannot be read: No such file" in done.err
 
 
 class TestCheck:

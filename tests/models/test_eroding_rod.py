@@ -147,33 +147,6 @@ def test_lengths_scale_depth_and_residue_with_them(exponent, smoothing):
     assert one(smoothing=smoothing, **scaled) == (scale * depth, scale * residue)
 
 
-@given(scale=st.floats(1e-3, 1e3))
-@settings(max_examples=25, deadline=None)
-def test_densities_and_strengths_scaled_together_change_nothing(scale):
-    names = ("projectile_density", "target_density", "projectile_yield_limit", "target_yield_limit")
-    # Rounding may shift the steps a little, within the tolerance of 1e-11 of each.
-    scaled = one(**{name: scale * ROD[name] for name in names})
-    assert scaled == pytest.approx(one(), rel=1e-10)
-
-
-@pytest.mark.parametrize(
-    ("name", "sign"),
-    [
-        ("target_density", -1),
-        ("target_yield_limit", -1),
-        ("plasticity_radius", -1),
-        ("crater_radius", 1),
-        ("projectile_length", 1),
-        ("projectile_density", 1),
-        ("impact_velocity", 1),
-    ],
-)
-def test_depth_responds_to_each_input_in_the_direction_known(name, sign):
-    factors = np.linspace(0.97, 1.03, 7)
-    depth = penetrate(**rods(**{name: ROD[name] * factors})).depth
-    assert (sign * np.diff(depth) > 0).all()
-
-
 def test_long_rods_without_strength_reach_the_hydrodynamic_limit():
     length = 50.0
     for density in (2500.0, 17_500.0):
@@ -295,15 +268,6 @@ def test_an_empty_batch_gives_an_empty_result():
 # The corners of the inputs' domain
 
 
-def test_a_thin_plastic_zone_is_stiff_but_solved():
-    changes = {"plasticity_radius": 1.02 * ROD["crater_radius"]}
-    result = penetrate(**rods(**changes))
-    course = trajectory(make_rod({**ROD, **changes}), depths=2)
-    assert result.solved.all()
-    assert result.depth[0] == pytest.approx(course.depth[-1], rel=PROMISED)
-    assert result.residue[0] == pytest.approx(course.length[-1], rel=PROMISED)
-
-
 def test_the_stiffest_runs_solved_agree_with_those_of_a_tighter_tolerance():
     ratios = np.array([1.001, 1.0005])
     batch = rods(plasticity_radius=ratios * ROD["crater_radius"])
@@ -330,6 +294,7 @@ def test_a_rod_too_slow_to_erode_penetrates_as_a_rigid_body(velocity):
     [
         {"target_yield_limit": 4e12},  # stops almost at once
         {"smoothing": 1.99},
+        {"plasticity_radius": 1.02 * ROD["crater_radius"]},  # stiff
         {"projectile_length": 0.01, "projectile_yield_limit": 1e8},  # shorter than its crater
         {"projectile_density": 1250.0},  # lighter than the target
         {"impact_velocity": 10_000.0},
@@ -363,13 +328,6 @@ def test_tail_and_nose_meet_at_the_known_time_depth_and_velocity():
     # Seven digits are known.
     assert (time, z, u) == pytest.approx((583.1932e-6, 0.4538407, 244.4509), rel=2e-7)
     assert x == pytest.approx(0.0, abs=1e-12)
-
-
-@pytest.mark.parametrize(("smoothing", "extent"), [(0.0, 2.82e-3), (1.0, 5.55e-3)])
-def test_plastic_flow_reaches_its_known_extent(smoothing, extent):
-    values = {**ROD, "smoothing": smoothing}
-    # Three digits are known.
-    assert trajectory(make_rod(values)).plastic_extent.max() == pytest.approx(extent, rel=2e-3)
 
 
 @pytest.mark.parametrize(
@@ -406,11 +364,3 @@ def test_trajectory_ends_where_the_lanes_end(changes):
     assert result.nose_velocity[-1] == 0
     assert result.tail_velocity[-1] == 0
     assert all(np.isfinite(values).all() for values in result)
-
-
-def test_velocity_is_the_rate_of_depth_while_eroding_and_while_rigid(course):
-    middle = (course.time[1:] + course.time[:-1]) / 2
-    rate = np.diff(course.depth) / np.diff(course.time)
-    expected = np.interp(middle, course.time, course.nose_velocity)
-    # Second differences over steps of 46 µm, away from the ends, where u changes steeply.
-    np.testing.assert_allclose(rate[50:-100], expected[50:-100], rtol=1e-4)

@@ -70,15 +70,6 @@ def test_default_values_are_part_of_it() -> None:
     assert sha256(functools.partial(defaulted, y=2.0)) != before
 
 
-def test_functions_in_one_statement_differ() -> None:
-    one, other = (lambda x: x + 1.0), (lambda x: x + 2.0)
-    assert sha256(one) != sha256(other)
-
-
-def test_a_function_may_call_itself() -> None:
-    assert sha256(recursive)
-
-
 def test_its_text_is_its_source() -> None:
     source = function_source(defaulted)
     assert source.name == "defaulted"

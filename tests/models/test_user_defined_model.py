@@ -12,7 +12,6 @@ from uqpen.core.errors import ModelError, StudyError
 from uqpen.core.model import Dimension, Input, Model, Output, Results
 from uqpen.core.status import Status
 from uqpen.models.user_module import load_module
-from uqpen.study.identity import run_fingerprint
 from uqpen.testing import check_model
 from uqpen.verification.archived_study import archived_study
 from uqpen.verification.check_result import CheckOutcome
@@ -102,18 +101,6 @@ def test_workers_and_an_object_of_python_give_the_same_archive(folder):
         uqpen.load_study(folder / "object.toml")
 
 
-def test_its_file_decides_the_runs(folder):
-    def fingerprint():
-        return run_fingerprint(uqpen.parse_study(STUDY, folder=folder), "", "some")
-
-    before = fingerprint()
-    assert before == fingerprint()
-    (folder / "my_model.py").write_text(f"{MODEL}# changed\n")
-    after = fingerprint()
-    changed = {key for key in after if after[key] != before[key]}
-    assert changed == {"file my_model.py", "model source_sha256"}
-
-
 class TestArchive:
     def test_without_trust_its_runs_are_data(self, archive):
         named = "my_model.py:Spring"
@@ -129,14 +116,6 @@ class TestArchive:
 
     def test_with_trust_all_is_repeated(self, archive):
         assert _outcomes(archive, trust=True) == {}
-
-    def test_other_statistics_are_found_without_trust(self, archive):
-        groups = uqpen.open_archive(archive).to_dict()
-        path = "/statistics/some/deflection"
-        groups[path] = groups[path].copy(deep=True)
-        groups[path]["mean"].values[:] *= 1.01
-        uqpen.write(type(uqpen.open_archive(archive)).from_dict(groups), archive)
-        assert "different" in _outcomes(archive)["statistics"]
 
     def test_code_is_executed_only_with_trust(self, folder, command_line):
         trace = folder / "executed"
@@ -266,11 +245,6 @@ def test_a_mistake_of_an_object_names_the_argument(tmp_path, variables, found):
         )
     (problem,) = caught.value.problems
     assert problem.found == found
-
-
-def test_a_name_that_no_file_can_have_is_reported(tmp_path):
-    with pytest.raises(ModelError, match="there is no file"):
-        load_module(f"{'a' * 5000}.py:f", tmp_path)
 
 
 def test_an_object_among_the_modules_that_raises_is_none_of_the_study(tmp_path, monkeypatch):

@@ -82,16 +82,6 @@ def test_a_parameter_of_an_input_of_a_group_or_of_an_interval_is_refused(tmp_pat
     assert "a parameter of g, which is an interval" in said
 
 
-@pytest.mark.parametrize(
-    "design", ['"saltelli"\nbase = 64', '"morris"\ntrajectories = 4', '"quadrature"\norder = 1']
-)
-def test_designs_for_independent_inputs_are_refused(design, study_of):
-    with pytest.raises(
-        uqpen.StudyError, match=r"depend on each other \(parameters of \[inputs\]\)"
-    ):
-        study_of("b", f"[designs.d]\nkind = {design}", a="10 ± 1", b=B)
-
-
 def test_a_copula_of_such_an_input_is_refused(study_of):
     with pytest.raises(uqpen.StudyError, match="that of parameters in"):
         study_of(

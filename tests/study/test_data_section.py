@@ -543,11 +543,6 @@ def test_columns_have_the_names_that_the_study_gives_to_headings(written):
     ]
 
 
-def test_a_mistake_of_the_data_file_is_reported_beside_a_design_of_its_runs(written):
-    text = STUDY.replace('outputs = ["deflection"]', "") + DESIGN
-    assert mistakes(text, "", written) == [("model.outputs", "no output")]
-
-
 def test_a_fixed_input_with_other_values_in_the_file_is_refused(written):
     assert mistakes(STUDY + '[inputs]\nload = "1 kN"\n', "", written) == [("inputs.load", '"1 kN"')]
 
@@ -574,11 +569,6 @@ def test_a_replicate_has_a_whole_number(written):
     reported = " ".join(str(caught.value).split())
     assert '0.5 in column "replicate", runs.csv, line 102' in reported
     assert "expected a whole number for each run: that of its replicate" in reported
-
-
-def test_a_name_that_no_file_can_have_is_reported(written):
-    with pytest.raises(uqpen.StudyError, match="no file"):
-        written(STUDY.replace("runs.csv", "a\\u0000b"))
 
 
 def test_no_step_looks_at_all_columns_for_each_of_them(written, monkeypatch, tmp_path):

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from uqpen import designs
-from uqpen.cli.main import main
 from uqpen.core.errors import StudyError
 from uqpen.core.labels import DEPENDENCE, RUNS
 from uqpen.core.sampling import Sampling
@@ -117,10 +116,6 @@ class TestDependence:
         ranks = [np.argsort(np.argsort(runs[name].values)) for name in ("x1", "x2")]
         # The standard error of a rank correlation of 0.6 from 4000 runs is about 0.01.
         assert np.corrcoef(ranks)[0, 1] == pytest.approx(0.6, abs=0.04)
-
-    def test_a_study_without_it_is_as_it_was(self):
-        text = STUDY[: STUDY.index("[dependence]")] + STUDY[STUDY.index("[designs") :]
-        assert parse_study(text).joint.is_independent
 
     @pytest.mark.parametrize(
         ("old", "new", "line", "key", "found", "expected"),
@@ -244,16 +239,12 @@ class TestRowsMeasuredTogether:
         assert isinstance(study.joint.dependence, FrankCopula)
         assert "next by" not in study.joint.dependence_text
 
-    def test_check_warns_of_one_that_does_not_fit(self, rows, monkeypatch, capsys):
-        monkeypatch.chdir(rows)
+    def test_check_warns_of_one_that_does_not_fit(self, rows, command_line):
         x = np.random.default_rng(1).random(60)
         table = np.column_stack([x, np.abs(x - 0.3)])
         np.savetxt("rows.csv", table, delimiter=",", header="x1,x2", comments="")
         Path("s.toml").write_text(self.text())
-        monkeypatch.setattr(sys, "argv", ["uqpen", "check", "s.toml"])
-        with pytest.raises(SystemExit, match="0"):
-            main()
-        shown = " ".join(capsys.readouterr().out.split())
+        shown = command_line("check", "s.toml").said
         assert "does not fit the rows of rows.csv: of samples of it, a share of 0.005" in shown
 
     @pytest.mark.parametrize(
@@ -443,24 +434,12 @@ class TestMeasured:
         assert expected in report
 
 
-class TestCommands:
-    def call(self, monkeypatch, folder, text, command="check"):
-        monkeypatch.chdir(folder)
-        monkeypatch.setenv("COLUMNS", "200")
-        (folder / "study.toml").write_text(text, encoding="utf-8")
-        monkeypatch.setattr(sys, "argv", ["uqpen", command, "study.toml"])
-        with pytest.raises(SystemExit) as left:
-            main()
-        return int(left.value.code or 0)
-
-    def test_check_shows_the_dependence(self, monkeypatch, capsys, tmp_path):
-        assert self.call(monkeypatch, tmp_path, STUDY) == 0
-        shown = capsys.readouterr().out
-        assert "gaussian copula of x1, x2: correlation of normal scores: x1 and x2 0.618" in shown
-
-    def test_check_shows_fits_and_warns_of_a_bad_one(self, monkeypatch, capsys, folder):
-        text = changed('"strength [%]"', '"strength [%]", family = "uniform"', MEASURED)
-        assert self.call(monkeypatch, folder, text) == 0
-        shown = capsys.readouterr().out
-        assert "uniform fitted to 20 values of m.csv, strength [%]: lower 18.77 %" in shown
-        assert "warning: x1: uniform does not fit the measurements" in shown
+def test_check_shows_the_dependence_and_warns_of_a_bad_fit(command_line, folder):
+    text = changed('"strength [%]"', '"strength [%]", family = "uniform"', MEASURED)
+    for study, shown in (
+        (STUDY, "gaussian copula of x1, x2: correlation of normal scores: x1 and x2 0.618"),
+        (text, "uniform fitted to 20 values of m.csv, strength [%]: lower 18.77 %"),
+        (text, "warning: x1: uniform does not fit the measurements"),
+    ):
+        (folder / "study.toml").write_text(study, encoding="utf-8")
+        assert shown in command_line("check", "study.toml").said

@@ -144,31 +144,29 @@ class TestMistakes:
         found = problems(changed(TIME, along), folder)
         assert f"model.outputs.infected.along{message}" in found
 
-    def test_other_coordinates_of_a_shared_dimension(self, folder):
-        text = STUDY.replace("size = 5", "size = 6", 1)
-        assert problems(text, folder) == [
-            'model.outputs.recovered.along.time: found other coordinates of "time" than above; '
-            "expected the same in all outputs along it"
-        ]
-
-    def test_an_end_without_a_curve(self, folder):
-        text = changed('peak = "day-1"', 'peak = { unit = "day-1", may_end = true }')
-        assert problems(text, folder) == [
-            "model.outputs.peak.may_end: found an output along 0 dimensions; expected a curve, "
-            "along one dimension"
-        ]
-
-    def test_a_table_without_a_unit(self, folder):
-        found = problems(changed('unit = "1", ', ""), folder)
-        expected = 'a unit such as "cm", or "1" where there is none'
-        assert found == [f"model.outputs.infected: found a table; expected {expected}"]
-
-    def test_a_request_for_a_statistic(self, folder):
-        text = STUDY + '[outputs.infected]\nunit = "%"\nexceeds = [0.5]\nhold = [0.9]\n'
-        assert problems(text, folder) == [
-            'outputs.infected.hold: found a tolerance limit of "infected"; expected an output '
-            "without dimensions; a field has hold_between"
-        ]
+    @pytest.mark.parametrize(
+        ("old", "new", "message"),
+        [
+            ("size = 5 } } }\nrecovered", "size = 6 } } }\nrecovered",
+             'model.outputs.recovered.along.time: found other coordinates of "time" than above; '
+             "expected the same in all outputs along it"),
+            ('peak = "day-1"', 'peak = { unit = "day-1", may_end = true }',
+             "model.outputs.peak.may_end: found an output along 0 dimensions; expected a curve, "
+             "along one dimension"),
+            ('unit = "1", ', "", "model.outputs.infected: found a table; expected a unit such as "
+             '"cm", or "1" where there is none'),
+            ("runs = 20",
+             'runs = 20\n[outputs.infected]\nunit = "%"\nexceeds = [0.5]\nhold = [0.9]',
+             'outputs.infected.hold: found a tolerance limit of "infected"; expected an output '
+             "without dimensions; a field has hold_between"),
+            ("runs = 20",
+             'runs = 20\n[published.book]\nsource = "a book"\ninfected = { mean = 0.5 }',
+             'published.book.infected.mean: found an estimate of "infected"; expected an output '
+             "without dimensions"),
+        ],
+    )  # fmt: skip
+    def test_elsewhere(self, folder, old, new, message):
+        assert problems(changed(old, new), folder) == [message]
 
     def test_a_stopping_target(self, folder):
         target = 'at_most = 2000\nuntil = { infected = { mean = "1 %" } }'
@@ -180,13 +178,6 @@ class TestMistakes:
     def test_its_unit_is_no_mistake(self, folder):
         study = parsed(STUDY + '[outputs.infected]\nunit = "%"\n', folder)
         assert study.quantities_of_interest[0].display_unit == "%"
-
-    def test_a_published_estimate(self, folder):
-        text = STUDY + '[published.book]\nsource = "a book"\ninfected = { mean = 0.5 }\n'
-        assert problems(text, folder) == [
-            'published.book.infected.mean: found an estimate of "infected"; expected an output '
-            "without dimensions"
-        ]
 
     def test_a_surrogate_of_a_field(self, folder):
         surrogate = '[surrogates.pce]\nkind = "polynomial-chaos"\ndesign = "mc"\n'

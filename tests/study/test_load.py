@@ -166,13 +166,6 @@ def test_a_mistake_is_reported_with_line_key_found_and_expected(
     assert expected in reported_expected
 
 
-def test_all_mistakes_are_reported_at_once_in_the_order_of_their_lines():
-    text = changed('"16 cm"', '"5 kg"').replace("seed = 1", "seed = -1").replace("100\n", "0\n")
-    reported = report(text)
-    assert "3 mistakes" in reported
-    assert [int(n) for n in re.findall(r"study\.toml:(\d+)  ", reported)] == [2, 10, 29]
-
-
 def test_lines_are_counted_as_toml_counts_them():
     # A line separator of Unicode's is text to TOML.
     text = changed("seed = 1", "seed = 1 # a\u2028b\x85").replace("runs = 100", "runs = 0")
@@ -295,13 +288,6 @@ class TestTable:
         study = parse_study(text, folder=tmp_path)
         assert study.runs == 1
 
-    def test_a_mistake_in_a_table_is_one_of_the_study(self, tmp_path):
-        (tmp_path / "points.csv").write_text("projectile_length [kg]\n15\n")
-        text = changed('kind = "monte-carlo"\nruns = 100', 'kind = "table"\nfile = "points.csv"')
-        reported = report(text, tmp_path)
-        assert "designs.mc.file" in reported
-        assert "expected a length" in reported
-
 
 PYTHON = """\
 seed = 1
@@ -339,22 +325,6 @@ class TestPythonModel:
             ("speed", "m s-1"),
         ]
         assert study.quantities_of_interest[0].display_unit == "cm"
-
-    def test_it_may_import_what_lies_beside_it(self, tmp_path):
-        (tmp_path / "neighbour_of_mine.py").write_text("factor = 2")
-        source = "from neighbour_of_mine import factor\ndef simulate(rod_length, speed): return {}"
-        assert self.study(tmp_path, source)
-
-    def test_it_may_import_what_lies_beside_it_while_it_runs(self, tmp_path):
-        (tmp_path / "late_neighbour.py").write_text("factor = 2")
-        source = (
-            "def simulate(rod_length, speed):\n"
-            "    import late_neighbour\n"
-            "    return {'depth': late_neighbour.factor}"
-        )
-        study = self.study(tmp_path, source)
-        inputs = {name: np.ones(1) for name in ("rod_length", "speed")}
-        assert study.model.evaluate(inputs).outputs["depth"].tolist() == [0.02]
 
     @pytest.mark.parametrize(
         "source",

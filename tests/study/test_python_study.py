@@ -197,19 +197,6 @@ class TestModels:
         path = "statistics/mc/area"
         np.testing.assert_allclose(one[path]["mean"], other[path]["mean"], rtol=1e-12)
 
-    def test_several_models_have_names(self):
-        units = {"length": "m", "width": "cm"}
-        thick = uqpen.PythonModel(area, units, {"area": "m2"}, replaced={"width": "31 cm"})
-        study = made(
-            model=None,
-            models={"thin": uqpen.PythonModel(area, units, {"area": "m2"}), "thick": thick},
-            inputs={"length": uqpen.Normal("2 m", "0.1 m"), "width": "30 cm"},
-            dependence=None,
-            surrogates=None,
-        )
-        tree = uqpen.run(study)
-        assert set(tree["models"].children) == {"thin", "thick"}
-
 
 class TestMistakes:
     def test_they_name_the_argument_and_all_are_reported_at_once(self):
@@ -265,9 +252,6 @@ class TestMistakes:
             uqpen.load_study(path)
         assert f'{path}:5  model.object\n    found     "area"' in str(caught.value)
         assert 'python = "my_model.py:area"' in str(caught.value)
-
-    def test_no_seed_is_a_mistake(self):
-        assert "seed\n    found     nothing" in message(seed=None)
 
 
 class Solver:
@@ -410,12 +394,6 @@ def test_an_archive_is_shown_as_a_short_table_and_is_a_long_one(made_here):
     assert len(means) == 1
     row = means.iloc[0]
     assert row["lower"] < row["estimate"] < row["upper"]
-
-
-def test_everything_public_is_listed_and_documented():
-    assert set(dir(uqpen)) == {*uqpen.__all__, "__version__"}
-    for name in uqpen.__all__:
-        assert getattr(uqpen, name).__doc__, name
 
 
 _REST = {"seed": 1, "outputs": {"y": "1"}, "designs": {"draws": uqpen.MonteCarlo(runs=10)}}

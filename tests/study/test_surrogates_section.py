@@ -44,10 +44,6 @@ def report(text):
     return " ".join(str(caught.value).split())
 
 
-def test_a_study_needs_none():
-    assert parse_study(STUDY).surrogates == {}
-
-
 def test_a_surrogate_is_understood():
     text = """
 design = "training"
@@ -67,11 +63,6 @@ transform = { penetration_depth = "log" }
             transform={"penetration_depth": "log"},
         )
     }
-
-
-def test_what_is_not_given_has_a_default():
-    found = parse_study(surrogate('design = "training"')).surrogates["pce"]
-    assert found == PolynomialChaos(design="training")
 
 
 @pytest.mark.parametrize(

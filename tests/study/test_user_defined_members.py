@@ -369,24 +369,3 @@ def test_a_mistake_is_reported_before_any_run(folder, before, after, key, found)
     (message, *_) = [each for each in caught.value.problems if found in each.found]
     assert key in message.key
     assert re.search(r"study\.toml:\d+ ", str(caught.value))
-
-
-@pytest.mark.slow
-def test_an_installed_package_adds_names(folder, modules, monkeypatch):
-    points = {
-        "uqpen.designs": ("kronecker", "my_designs:Kronecker"),
-        "uqpen.distributions": ("kumaraswamy", "my_distributions:Kumaraswamy"),
-    }
-    monkeypatch.setattr(
-        importlib.metadata,
-        "entry_points",
-        lambda group: [importlib.metadata.EntryPoint(*points[group], group)],
-    )
-    text = WITHOUT_SURROGATE.replace("my_designs.py:Kronecker", "kronecker").replace(
-        '"my_distributions.py:Kumaraswamy"', "kumaraswamy"
-    )
-    known = uqpen.run(uqpen.parse_study(WITHOUT_SURROGATE, folder=folder))["runs/mine"]
-    for trust in (True, False):
-        tree = uqpen.run(uqpen.parse_study(text, folder=folder / "none", trust=trust))
-        for name in ("x1", "y"):
-            assert np.array_equal(tree["runs/mine"][name].values, known[name].values)
