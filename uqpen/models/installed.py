@@ -129,15 +129,19 @@ def is_of_no_model(name: str) -> bool:
     return name in ("__main__", "__mp_main__") or name.partition(".")[0] == _PACKAGE
 
 
-@functools.lru_cache(maxsize=1)
-def _installed_modules(_: tuple[str, ...]) -> dict[str, ModuleType]:
-    """Return those known to be installed under an import path, which the next study looks up."""
+@functools.lru_cache(maxsize=2)  # with the folder of a study on the path, and without it
+def _modules_under(_: tuple[str, ...]) -> dict[str, ModuleType]:
     return {}
+
+
+def installed_modules() -> dict[str, ModuleType]:
+    """Return those known to be installed under the import path, which the next study looks up."""
+    return _modules_under(tuple(sys.path))
 
 
 def loaded_own_modules() -> dict[str, ModuleType]:
     """Return the imported modules that are not installed, by name."""
-    installed = _installed_modules(tuple(sys.path))
+    installed = installed_modules()
     own: dict[str, ModuleType] = {}
     for name, module in list(sys.modules.items()):
         if installed.get(name) is module or is_of_no_model(name):

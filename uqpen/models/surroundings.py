@@ -16,6 +16,7 @@ from uqpen.core.dependency import IMPORTED, MODULE, Dependency
 from uqpen.core.files import FileSnapshot
 from uqpen.models.dependencies import Dependencies
 from uqpen.models.installed import (
+    installed_modules,
     is_installed,
     is_of_no_model,
     loaded_own_modules,
@@ -181,8 +182,10 @@ class ModelFolder(Dependencies):
             imported = imported[known:]
         else:
             self._outside = {}
+        installed = installed_modules()
         for name, module in imported:
-            if not is_of_no_model(name) and self._is_inside(module_file(module)):
+            is_other = installed.get(name) is module or is_of_no_model(name)
+            if not is_other and self._is_inside(module_file(module)):
                 found[name] = sys.modules.pop(name)
             else:
                 self._outside[name] = module
