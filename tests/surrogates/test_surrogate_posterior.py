@@ -1,6 +1,7 @@
 """Posteriors of dear models: exact ones, the likelihood of a surrogate, weights, interruption."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,7 +21,9 @@ from uqpen.results.output_tables import output_tables
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.statistics.weighted_posterior import WeightedPosterior
 from uqpen.surrogates.surrogate_posterior import (
+    RESULT,
     RowsSurrogate,
+    draw_posterior,
     importance_weights,
 )
 
@@ -67,6 +70,21 @@ def test_an_unknown_size_of_errors_has_the_same_likelihood(surrogate, tmp_path):
     of_size = replace(surrogate, measured=measured(tmp_path, text))
     found = of_size.log_likelihood(points, np.full((6, 1), 0.2))
     assert found == pytest.approx(surrogate.log_likelihood(points, np.empty((6, 0))), rel=1e-9)
+
+
+class Needle:
+    """Likelihood of a narrow peak with 99 % of the posterior, on a plain that is wide."""
+
+    def log_likelihood(self, points, sizes):
+        squares = ((points - [0.8, -1.0, -0.7]) ** 2).sum(axis=1) / 0.06**2
+        return np.logaddexp(0.0, 14 - squares / 2)
+
+
+@pytest.mark.parametrize("seed", [1, 5, 6])  # a single replicate has 3, 70 and 7 % there
+def test_draws_of_the_result_are_where_a_narrow_peak_is(seed):
+    prior = SimpleNamespace(dimension=3, error_stds=lambda points: np.empty((len(points), 0)))
+    _, found = draw_posterior(Needle(), prior, RESULT, 60, Stream(seed, "t"))
+    assert (found > 1).mean() > 0.85
 
 
 def test_z_scores_are_errors_in_standard_deviations_whatever_the_factor(surrogate):

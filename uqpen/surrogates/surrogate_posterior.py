@@ -344,7 +344,7 @@ def search_posterior(
         if surrogate is None:
             return
         size = settings.confirm if number == RESULT else settings.batch
-        found = _drawn_by(surrogate, prior, number, size, own)
+        found = draw_posterior(surrogate, prior, number, size, own)
         if found is None:
             return
         drawn, predicted = found
@@ -358,7 +358,7 @@ def search_posterior(
 
 
 @one_blas_thread()
-def _drawn_by(
+def draw_posterior(
     surrogate: RowsSurrogate, prior: PriorCoordinates, number: int, size: int, stream: Stream
 ) -> tuple[FloatArray, FloatArray] | None:
     """Return draws of a surrogate's posterior, and their log likelihood; None without an end."""
