@@ -1,37 +1,35 @@
 """How often intervals cover and answers are right where a design ends by itself, in whole studies.
 
-Run it as ``python benchmarks/deciding_coverage.py --markdown docs/coverage/stopping.md``, with
-uqpen installed. The runs of a seed are drawn from a pool of exact runs of a model, whose statistics
+Tables of docs/coverage/stopping.md as `seed_table.py` makes them: `precision`, `decisions` and
+`replicates`. The runs of a seed are drawn from a pool of exact runs of a model, whose statistics
 are the true values. The looks, the estimates, the intervals and the test are those of the package.
 """
 
 from __future__ import annotations
 
-import argparse
-import multiprocessing
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache
-from itertools import chain
-from multiprocessing.pool import Pool
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 import xarray as xr
 from gaussian_process import ishigami
-from interval_coverage import STUDIES
-from seed_table import fill, lines
+from scipy import stats
+from seed_table import STUDIES, Row, SeedTable, grouped, lines, main, table
 
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.labels import REPLICATE, SAMPLING, STATUS
 from uqpen.core.model import Output
 from uqpen.core.sampling import Sampling
+from uqpen.core.streams import Stream
 from uqpen.designs.latin_hypercube import LatinHypercube
+from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.quasi_monte_carlo import Halton, SobolSequence, sobol_points
 from uqpen.designs.replicated import ReplicatedDesign
 from uqpen.designs.stopping.acceptance_claim import decide
 from uqpen.designs.stopping.stopping_rule import doubling_looks
+from uqpen.execution import Progress
 from uqpen.statistics.analyze import analyze
 from uqpen.statistics.intervals import clopper_pearson
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
@@ -50,6 +48,7 @@ TARGETS = (0.95, 1.0, 1.05)
 LIMITS = (0.8628, 0.05)
 KINDS = ("mean", "standard_deviation", "quantile_95", "exceeds", "below")
 STATISTICS = ("mean", "std", "quantile", "exceedance", "below")
+ENDS = ("estimate", "lower", "upper")
 
 
 class Problem(NamedTuple):
@@ -58,21 +57,6 @@ class Problem(NamedTuple):
     values: FloatArray
     quantity: QuantityOfInterest
     truth: FloatArray
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--seeds", type=int, default=1000)
-    parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--only", choices=TABLES, help="one of the tables")
-    parser.add_argument("--markdown", type=Path, metavar="FILE.md")
-    options = parser.parse_args()
-    for name in [options.only] if options.only else TABLES:
-        with multiprocessing.get_context("fork").Pool(options.workers) as pool:
-            text = "\n".join(TABLES[name](options.seeds, pool))
-        print(text, flush=True)
-        if options.markdown:
-            fill(options.markdown, name, text)
 
 
 POOLS = ("concrete", "Ishigami", "step")
@@ -100,10 +84,6 @@ def problem_of(values: FloatArray) -> Problem:
 
 def _concrete() -> FloatArray:
     """The penetration depth of as many independent runs of the concrete study's own model."""
-    from uqpen.core.streams import Stream
-    from uqpen.designs.monte_carlo import MonteCarlo
-    from uqpen.execution import Progress
-
     study = load_study(STUDIES / "concrete.toml")
     study.model.prepare()
     stream = Stream(2_061, "designs", "pool")
@@ -130,12 +110,35 @@ def _pool(name: str) -> FloatArray:
     return FUNCTIONS[name](rng.random((3, POOL))) if name in FUNCTIONS else _concrete()
 
 
-def estimates(case: tuple[str, int]) -> FloatArray:
-    """Return the bounds of all statistics at all looks of a seed, shape (look, kind, 3)."""
-    name, seed = case
-    values, quantity, _ = problem(name)
-    drawn = np.random.default_rng([2_062, seed]).choice(values, MOST)
-    return np.array([bounds_of(_runs(drawn[:look]), quantity) for look in LOOKS])
+def _precision_rows(output: str, seeds: Sequence[int]) -> Iterator[Row]:
+    """Yield the bounds of each statistic at all looks."""
+    values, quantity, _ = problem(output)
+    for seed in seeds:
+        drawn = np.random.default_rng([2_062, seed]).choice(values, MOST)
+        yield from rows_of([bounds_of(_runs(drawn[:look]), quantity) for look in LOOKS])
+
+
+def rows_of(bounds: Sequence[FloatArray]) -> Iterator[dict[str, Any]]:
+    """Yield a row for each statistic from the bounds at each look."""
+    for kind, key in enumerate(KINDS):
+        ends = np.array(bounds)[:, kind].tolist()
+        numbers = {
+            f"{end}_{look}": value
+            for look, of in enumerate(ends)
+            for end, value in zip(ENDS, of, strict=True)
+        }
+        yield {"statistic": key, **numbers}
+
+
+def bounds_in(rows: Sequence[Row]) -> FloatArray:
+    """Return the bounds that rows have, shape (seed, look, kind, 3)."""
+    by_kind = grouped(rows, "statistic")
+    looks = range(DOUBLINGS + 1)
+    found = [
+        [[[row[f"{end}_{look}"] for end in ENDS] for look in looks] for row in by_kind[key,]]
+        for key in KINDS
+    ]
+    return np.moveaxis(np.array(found), 0, 2)
 
 
 def bounds_of(runs: xr.Dataset, quantity: QuantityOfInterest) -> FloatArray:
@@ -194,42 +197,36 @@ def exact_problem(name: str) -> Problem:
     return problem_of(FUNCTIONS[name](unit.T))
 
 
-def estimates_of_replicates(case: tuple[str, int]) -> FloatArray:
-    """Return the bounds of all statistics of a seed, shape (function, look, kind, 3)."""
-    name, seed = case
-    looks = list(DESIGNS[name].draw(seed))
-    return np.array(
-        [
-            [bounds_of(_runs(function(look.T).T), exact_problem(each).quantity) for look in looks]
-            for each, function in FUNCTIONS.items()
-        ]
-    )
+def _replicates_rows(design: str, seeds: Sequence[int]) -> Iterator[Row]:
+    """Yield the bounds of each statistic of each function at all looks."""
+    for seed in seeds:
+        looks = list(DESIGNS[design].draw(seed))
+        for output, function in FUNCTIONS.items():
+            quantity = exact_problem(output).quantity
+            bounds = [bounds_of(_runs(function(look.T).T), quantity) for look in looks]
+            yield from ({"output": output, **row} for row in rows_of(bounds))
 
 
-def _replicates_table(seeds: int, pool: Pool) -> Iterator[str]:
+def _replicates_page(rows: Sequence[Row]) -> Iterator[str]:
     head = ["design", "output", "target", "at the first look", "worst target"]
-    yield from lines([*head, "of other seeds", "middle target"], ())
-    truths = {name: exact_problem(name).truth for name in FUNCTIONS}
-    for design in DESIGNS:
-        cases = [(design, seed) for seed in range(seeds)]
-        bounds = np.array(pool.map(estimates_of_replicates, cases, chunksize=5))
-        for number, (name, truth) in enumerate(truths.items()):
-            for kind, key in enumerate(KINDS):
-                case = key, kind, bounds[:, number], truth[kind]
-                cells = precision_cells(*case)
-                cells.insert(2, f"{worst_of_other_seeds(*case):.1f}")
-                yield f"| {design} | {name} | `{key}` | {' | '.join(cells)} |"
-
-
-def _precision_table(seeds: int, pool: Pool) -> Iterator[str]:
-    yield from lines(["output", "target", "fixed at 512", "worst target", "middle target"], ())
-    for name in POOLS:
-        truth = problem(name).truth
-        cases = [(name, seed) for seed in range(seeds)]
-        bounds = np.array(pool.map(estimates, cases, chunksize=10))
+    found = []
+    for (design, output), group in grouped(rows, "design", "output").items():
+        bounds, truth = bounds_in(group), exact_problem(output).truth
         for kind, key in enumerate(KINDS):
-            cells = precision_cells(key, kind, bounds, truth[kind])
-            yield f"| {name} | `{key}` | {' | '.join(cells)} |"
+            case = key, kind, bounds, truth[kind]
+            fixed, worst, middle = precision_cells(*case)
+            other = f"{worst_of_other_seeds(*case):.1f}"
+            found.append([design, output, f"`{key}`", fixed, worst, other, middle])
+    yield from lines([*head, "of other seeds", "middle target"], found)
+
+
+def _precision_page(rows: Sequence[Row]) -> Iterator[str]:
+    found = []
+    for (output,), group in grouped(rows, "output").items():
+        bounds, truth = bounds_in(group), problem(output).truth
+        for kind, key in enumerate(KINDS):
+            found.append([output, f"`{key}`", *precision_cells(key, kind, bounds, truth[kind])])
+    yield from lines(["output", "target", "fixed at 512", "worst target", "middle target"], found)
 
 
 def precision_cells(key: str, kind: int, bounds: FloatArray, truth: float) -> list[str]:
@@ -287,47 +284,49 @@ def _coverages(key: str, kind: int, bounds: FloatArray, covers: BoolArray) -> It
             yield float(100 * covers[ended][has_interval].mean())
 
 
-def _decision_table(seeds: int) -> Iterator[str]:
-    yield (
-        "| output | P | claim | right | wrong | undecided at 16 384 | runs, mean | 90 % by | "
-        "interval covers | by intervals: wrong |"
-    )
-    yield "|---|---|---|---|---|---|---|---|---|---|"
-    for name in POOLS:
-        values, quantity, truth = problem(name)
-        events_of_pool = values > quantity.thresholds[0].value
-        p = float(truth[3])
-        for limit in (0.2, 0.15, p):
-            rows = []
-            for seed in range(seeds):
-                rng = np.random.default_rng([2_063, seed])
-                rows.append(_decided(rng.choice(events_of_pool, MOST), limit, p))
-            right, wrong, undecided, runs, covers, naive = np.array(rows).T
-            claim = f"P < {limit:g}" if limit != p else "P < its true value"
-            cells = [100 * each.mean() for each in (right, wrong, undecided)]
-            counts = [f"{runs.mean():.0f}", f"{np.quantile(runs, 0.9):.0f}"]
-            ends = [f"{100 * each.mean():.1f}" for each in (covers, naive)]
-            shown = [*(f"{each:.1f}" for each in cells), *counts, *ends]
-            yield f"| {name} | {p:.4f} | {claim} | {' | '.join(shown)} |"
+CLAIMS = {"P < 0.2": 0.2, "P < 0.15": 0.15, "P < its true value": None}
 
 
-def _decided(events: BoolArray, limit: float, p: float) -> tuple[float, ...]:
-    """Return of one seed: right, wrong, undecided, runs, interval covers, wrong by intervals.
+def _decision_rows(output: str, claim: str, seeds: Sequence[int]) -> Iterator[Row]:
+    """Yield how a claim is decided; at the limit itself "held" is wrong, and "not held" right."""
+    values, quantity, truth = problem(output)
+    events_of_pool = values > quantity.thresholds[0].value
+    p = float(truth[3])
+    limit = CLAIMS[claim] or p
+    for seed in seeds:
+        events = np.random.default_rng([2_063, seed]).choice(events_of_pool, MOST)
+        verdict, runs = decide(events, np.zeros(len(events), bool), limit, is_below=True)
+        is_right = verdict == ("held" if p < limit else "not held")
+        is_open = verdict == "undecided"
+        lower, upper = anytime_interval(int(events[:runs].sum()), 0, runs)
+        yield {
+            "p": p,
+            "right": int(is_right),
+            "wrong": int(not is_open and not is_right),
+            "undecided": int(is_open),
+            "runs": runs,
+            "covers": int(lower <= p <= upper),
+            "wrong_by_intervals": int(_is_wrong_by_intervals(events, limit, p)),
+        }
 
-    At the limit itself "held" is wrong, and "not held" is right.
-    """
-    verdict, runs = decide(events, np.zeros(len(events), bool), limit, is_below=True)
-    is_right = verdict == ("held" if p < limit else "not held")
-    is_open = verdict == "undecided"
-    lower, upper = anytime_interval(int(events[:runs].sum()), 0, runs)
-    return (
-        is_right,
-        not is_open and not is_right,
-        is_open,
-        runs,
-        lower <= p <= upper,
-        _is_wrong_by_intervals(events, limit, p),
-    )
+
+def _mean(name: str, form: str = ".1f") -> Callable[[Sequence[Row]], str]:
+    scale = 1 if name == "runs" else 100
+    return lambda rows: format(scale * np.mean([row[name] for row in rows]), form)
+
+
+DECISIONS = {
+    "output": lambda rows: rows[0]["output"],
+    "P": lambda rows: f"{rows[0]['p']:.4f}",
+    "claim": lambda rows: rows[0]["claim"],
+    "right": _mean("right"),
+    "wrong": _mean("wrong"),
+    "undecided at 16 384": _mean("undecided"),
+    "runs, mean": _mean("runs", ".0f"),
+    "90 % by": lambda rows: f"{np.quantile([row['runs'] for row in rows], 0.9):.0f}",
+    "interval covers": _mean("covers"),
+    "by intervals: wrong": _mean("wrong_by_intervals"),
+}
 
 
 def _is_wrong_by_intervals(events: BoolArray, limit: float, p: float) -> bool:
@@ -344,8 +343,6 @@ def _is_wrong_by_intervals(events: BoolArray, limit: float, p: float) -> bool:
 @cache
 def _decisive_counts(limit: float) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
     """Return by runs the largest count whose interval is below a limit, the least above it."""
-    from scipy import stats
-
     runs = np.arange(MOST + 1)
     # The two-sided interval excludes the limit where a one-sided tail is at most 2.5 %.
     least = stats.binom.ppf(0.025, runs, limit) - 1
@@ -357,11 +354,29 @@ def _decisive_counts(limit: float) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
 
 
 TABLES = {
-    "designs that end by themselves": lambda seeds, pool: chain(
-        _precision_table(seeds, pool), [""], _decision_table(seeds)
+    "precision": SeedTable(
+        {"output": POOLS},
+        _precision_rows,
+        {"designs that end at a precision": _precision_page},
+        at_once=10,
     ),
-    "replicates that end by themselves": _replicates_table,
+    "decisions": SeedTable(
+        {"output": POOLS, "claim": CLAIMS},
+        _decision_rows,
+        {
+            "designs that end at a decision": lambda rows: table(
+                grouped(rows, "output", "claim").values(), DECISIONS
+            )
+        },
+        at_once=10,
+    ),
+    "replicates": SeedTable(
+        {"design": DESIGNS},
+        _replicates_rows,
+        {"replicates that end by themselves": _replicates_page},
+        at_once=5,
+    ),
 }
 
 if __name__ == "__main__":
-    main()
+    main(TABLES, __doc__)
