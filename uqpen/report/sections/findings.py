@@ -323,6 +323,23 @@ def alerts(
             "shows it.",
             "Find out why they fail, and make these runs again.",
         )
+    yield from _surrogate_alerts(view)
+    estimates = [
+        (quantity, estimate)
+        for quantity in _with_moments(view, quantities)
+        if (estimate := quantity.leading_estimate(design)) is not None
+    ]
+    yield from _precision_alert(view, design, estimates)
+    yield from _scale_alerts(view, design, quantities)
+    yield from _condition_alerts(view, design)
+    yield from _dependence_alert(view, design)
+    yield from _given_point_alerts(view, design)
+    yield from _measured_alert(view, design)
+    few_runs = any(assumes_short_tails(estimate) for _, estimate in estimates)
+    yield _scope_alert(view, design, few_runs=few_runs)
+
+
+def _surrogate_alerts(view: ArchiveView) -> Iterator[Alert]:
     for name in group_names(view.tree, SURROGATES):
         outputs: dict[str, list[str]] = {}
         surrogate = view.tree.children[SURROGATES].children[name]
@@ -335,12 +352,12 @@ def alerts(
                 "stated.",
                 "Take the estimates of the runs, or fit another kind, transform or more runs.",
             )
+
+
+def _precision_alert(
+    view: ArchiveView, design: str, estimates: Sequence[tuple[QuotedStatistic, xr.DataArray]]
+) -> Iterator[Alert]:
     named: dict[str, dict[str, list[str]]] = {}
-    estimates = [
-        (quantity, estimate)
-        for quantity in _with_moments(view, quantities)
-        if (estimate := quantity.leading_estimate(design)) is not None
-    ]
     for quantity, estimate in estimates:
         # That of a probability says how it counts failed runs, as the page does once.
         is_said = quantity.is_probability and missing_count(view, design) > 0
@@ -356,10 +373,6 @@ def alerts(
             f"{'. '.join(shown)}.",
             "Quote quantiles, which need no assumption on extreme values, or make more runs.",
         )
-    yield from _scale_alerts(view, design, quantities)
-    yield from _input_alerts(view, design)
-    few_runs = any(assumes_short_tails(estimate) for _, estimate in estimates)
-    yield _scope_alert(view, design, few_runs=few_runs)
 
 
 def _point_alerts(view: ArchiveView, design: str) -> Iterator[Alert]:
@@ -428,7 +441,8 @@ def _names_text(outputs: Mapping[str, Sequence[str]]) -> str:
     return capitalized("; ".join(f"{label} of {join_names(of)}" for label, of in outputs.items()))
 
 
-def _input_alerts(view: ArchiveView, design: str) -> Iterator[Alert]:
+def _condition_alerts(view: ArchiveView, design: str) -> Iterator[Alert]:
+    """Yield what estimates are conditional on."""
     condition = view.statistics.run_accounts(design).get(CONDITIONAL)
     runs = view.design(design).runs
     count, every = status_counts(runs)[Status.INADMISSIBLE], run_count(runs)
@@ -442,11 +456,10 @@ def _input_alerts(view: ArchiveView, design: str) -> Iterator[Alert]:
             "If such inputs occur, the model does not cover them; if not, truncate the "
             "distributions.",
         )
-    found = {name: view.statistics.absence(design, name) for name in view.numeric_outputs}
     texts = [
         f"{output_name(view, name)} on {absence[CONDITIONAL]}"
-        for name, absence in found.items()
-        if absence
+        for name in view.numeric_outputs
+        if (absence := view.statistics.absence(design, name))
     ]
     if texts:
         yield Alert(
@@ -454,6 +467,9 @@ def _input_alerts(view: ArchiveView, design: str) -> Iterator[Alert]:
             f"Some estimates are conditional: {'; '.join(texts)}.",
             "Quote the share of runs that have one beside them.",
         )
+
+
+def _dependence_alert(view: ArchiveView, design: str) -> Iterator[Alert]:
     attributes = read_group(view.tree, RUNS, design).attrs
     if CONTRADICTION in attributes:
         yield Alert(
@@ -469,6 +485,10 @@ def _input_alerts(view: ArchiveView, design: str) -> Iterator[Alert]:
             f"The inputs depend on each other: {dependence}. Their shares of a variance overlap.",
             "Compare inputs by Shapley effects, which divide what is shared.",
         )
+
+
+def _given_point_alerts(view: ArchiveView, design: str) -> Iterator[Alert]:
+    """Yield what to mind about points, rows and columns that a file gives."""
     if view.design(design).sampling is Sampling.GIVEN:
         yield Alert(
             "Points",
@@ -476,6 +496,7 @@ def _input_alerts(view: ArchiveView, design: str) -> Iterator[Alert]:
             "inputs.",
             "Check how they were chosen.",
         )
+    attributes = read_group(view.tree, RUNS, design).attrs
     for key, kind, remedy in (
         (DROPPED_ROWS, "Rows", "If they differ from the others, so do the statistics."),
         (DISTANT_VALUES, "Values", "If they stand for none, name them in missing."),
@@ -490,16 +511,12 @@ def _input_alerts(view: ArchiveView, design: str) -> Iterator[Alert]:
             f"The points of {design}, from a file, against the stated inputs: {agreement}.",
             "If they do not follow those distributions, the statistics are of other inputs.",
         )
-    yield from _measured_alert(view, design)
 
 
 def _measured_alert(view: ArchiveView, design: str) -> Iterator[Alert]:
     fitted = {name: view.attributes(name) for name in view.design(design).random_inputs}
-    counts = {
-        name: str(each["fit_measurements"])
-        for name, each in fitted.items()
-        if "fit_measurements" in each
-    }
+    found = {name: each.get("fit_measurements") for name, each in fitted.items()}
+    counts = {name: str(count) for name, count in found.items() if count is not None}
     if uncertain := [name for name in counts if UNCERTAIN_FIT in fitted[name]]:
         fits = ", ".join(f"{name} ({counts[name]})" for name in uncertain)
         yield Alert(
