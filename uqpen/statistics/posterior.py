@@ -406,8 +406,12 @@ def blank_row_statistics(
             yield own_name, at[name].rename({MEASURED_ROW: BLANK_ROW})
 
 
+# Groups of a posterior with its draws, and with their numbers.
+POSTERIOR_DRAWS = ("posterior", "sample_stats")
+
+
 def left_out_predictions(
-    measured: Experiments, runs: xr.Dataset, level: float
+    measured: Experiments, runs: xr.Dataset, draws: xr.Dataset | None, numbers: xr.Dataset | None
 ) -> tuple[FloatArray, list[float]]:
     """Return what a posterior predicts of the rows held out, and sizes of their errors.
 
@@ -416,8 +420,8 @@ def left_out_predictions(
     measured : Experiments
     runs : Dataset
         All runs of the design.
-    level : float
-        Confidence level.
+    draws, numbers : Dataset or None
+        The groups `POSTERIOR_DRAWS`; None without a posterior.
 
     Returns
     -------
@@ -426,15 +430,15 @@ def left_out_predictions(
     sizes : list of float
         The root mean square over the posterior of each size that is not known.
     """
-    runs, beyond = split_runs(measured, runs)
-    sample = posterior_sample(measured, runs, level)
     left_out = measured.left_out
-    if isinstance(sample, str):
+    if draws is None or numbers is None:
         return np.empty((0, len(left_out.values))), left_out.errors.scales
-    drawn = sample.runs.ravel()
+    _, beyond = split_runs(measured, runs)
+    drawn = numbers["draw_number"].values.ravel()
     at = np.searchsorted(beyond[PARENT_DRAW].values[:: measured.blank.count], drawn)
     own = [size is each.errors.size for each, _ in measured.rows for size in each.errors.sizes]
-    squares = sample.values[drawn, len(measured.unknown) :][:, own] ** 2
+    values = np.column_stack([each.values.ravel() for each in draws.values()])
+    squares = values[:, len(measured.unknown) :][:, own] ** 2
     return left_out.predicted(beyond)[at], np.sqrt(squares.mean(axis=0)).tolist()
 
 
@@ -557,12 +561,8 @@ def arviz_groups(
         yield "log_prior", unknowns_dataset(measured, runs, densities, unit=DIMENSIONLESS)
     yield "observed_data", _rows_dataset(measured, measured.values, ())
     yield "constant_data", _conditions_dataset(measured, runs)
-    statistics = {
-        "log_likelihood": log_likelihood[numbers],
-        "draw_number": numbers,
-    }
-    own_dims = {name: (CHAINS, each) for name, each in statistics.items()}
-    yield "sample_stats", xr.Dataset(own_dims, _along_chains(numbers.shape))
+    found = {"log_likelihood": (CHAINS, log_likelihood[numbers]), "draw_number": (CHAINS, numbers)}
+    yield "sample_stats", xr.Dataset(found, _along_chains(numbers.shape))
 
 
 def _added_by_repeats(

@@ -105,8 +105,9 @@ def model_groups(
     for design, every in whole[model].items():
         steps.start(f"statistics of {design}", model)
         sources[design] = _design_source(study, model, design, whole, runs)
-        yield from _design_groups(study, design, every, own[design])
-        yield from _validation_groups(study, model, design, runs)
+        groups = dict(_design_groups(study, design, every, own[design]))
+        yield from groups.items()
+        yield from _validation_groups(study, model, design, runs, groups)
     for name in study.surrogates:
         from uqpen.workflow.surrogate_source import surrogate_source
 
@@ -282,11 +283,15 @@ def calibration_statistics(
 
 
 def _validation_groups(
-    study: ValidatedStudy, model: str, design: str, runs: Mapping[str, Runs]
+    study: ValidatedStudy,
+    model: str,
+    design: str,
+    runs: Mapping[str, Runs],
+    groups: Mapping[str, xr.Dataset],
 ) -> Groups:
     """Yield what measurements say of a model, for each output and a design at experiments.
 
-    Those of a posterior are the rows that it has not learnt from.
+    Those of a posterior are the rows that it has not learnt from. `groups` has its draws.
     """
     made = study.designs[design]
     is_fit = isinstance(made, MeasuredDesign)
@@ -295,7 +300,7 @@ def _validation_groups(
     experiments = made.experiments.left_out if is_fit else made.experiments.without_discrepancy()
     if not experiments.count:
         return
-    from uqpen.statistics.posterior import left_out_predictions
+    from uqpen.statistics.posterior import POSTERIOR_DRAWS, left_out_predictions
     from uqpen.statistics.validation import (
         score_difference,
         validation_statistics,
@@ -309,7 +314,8 @@ def _validation_groups(
     def validations(name: str) -> Iterator[Validation]:
         of_design, sizes = runs[name][design], experiments.errors.scales
         if is_fit:
-            predicted, sizes = left_out_predictions(made.experiments, of_design, level)
+            draws = (groups.get(f"/{CALIBRATIONS}/{design}/{each}") for each in POSTERIOR_DRAWS)
+            predicted, sizes = left_out_predictions(made.experiments, of_design, *draws)
         else:
             predicted = experiments.predicted(of_design)
         of = (predicted, sizes, study.joint, stream, level)
