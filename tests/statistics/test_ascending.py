@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-import xarray as xr
+from drawn_samples import runs_of_values
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -171,19 +171,9 @@ def test_bounds_of_distribution_functions_ascend(seed, replicates, is_rounded, i
 
 def _sample(values, replicates, weights):
     """Return draws, with weights if there are any, or else points of some hypercubes."""
-    is_stratified = replicates > 1 and weights is None
-    along = {"replicate": np.arange(len(values)) % replicates} if is_stratified else {}
-    along |= {} if weights is None else {"weight": weights}
-    outputs = {
-        "x": ("run", values[::-1], {"role": "input"}),
-        "y": ("run", values, {"role": "output"}),
-        "status": ("run", np.zeros(len(values), dtype=np.int8)),
-    }
-    coordinates = {"run": np.arange(len(values))} | {
-        name: ("run", each) for name, each in along.items()
-    }
-    sampling = {"sampling": "stratified" if is_stratified else "independent"}
-    return sample_of(xr.Dataset(outputs, coordinates, sampling), "y")
+    if replicates > 1 and weights is None:
+        return sample_of(runs_of_values(values, "stratified", replicates=replicates), "y")
+    return sample_of(runs_of_values(values, weights=weights), "y")
 
 
 @given(st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=30))

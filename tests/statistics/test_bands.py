@@ -5,6 +5,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from drawn_samples import sample_of_values
 
 from uqpen.core.labels import BOUND, INTERVAL, INTERVAL_LABEL, LEFT_OUT, NOTE
 from uqpen.core.model import Dimension, Output
@@ -17,23 +18,13 @@ from uqpen.statistics.fields.simultaneous_bands import (
     simultaneous_level,
     tolerance_band,
 )
-from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.statistics.sample import Sample
 
 
 def field(values, replicates=0, *, may_end=False):
     curves = np.array(values, dtype=np.float64)
-    runs = np.arange(len(curves))
     places = tuple(np.arange(curves.shape[1]) / 100)
-    sample = Sample(
-        values=curves,
-        used=runs,
-        missing=runs[:0],
-        columns=InputColumns.none(len(curves)),
-        replicates=runs * replicates // len(curves),
-        sampling=Sampling.STRATIFIED if replicates else Sampling.INDEPENDENT,
-    )
+    sample = sample_of_values(curves, replicates=replicates)
     dimension = Dimension("depth", "m", values=places, display_unit="cm")
     return FieldSample(sample, Output("v", "m/s", dims=(dimension,), may_end=may_end))
 

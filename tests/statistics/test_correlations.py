@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from drawn_samples import sample_of_values
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
@@ -13,7 +14,6 @@ from uqpen.core.model import Category, Output
 from uqpen.core.sampling import Sampling
 from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.statistics.sample import Sample
 from uqpen.statistics.sensitivity.correlations import correlations
 
 QUESTION = QuantityOfInterest(Output("y", "m"), "m")
@@ -38,15 +38,9 @@ def sample(seed, plan="independent", runs=RUNS):
         draws = (strata.reshape(count, 3, each).transpose(0, 2, 1).reshape(runs, 3) + draws) / each
         replicates = np.repeat(np.arange(count), each)
     points = stats.norm.ppf(draws)
-    everything = np.arange(runs)
-    return Sample(
-        values=points @ WEIGHTS + generator.standard_normal(runs),
-        used=everything,
-        missing=everything[:0],
-        columns=InputColumns.from_matrix(NAMES, points),
-        replicates=replicates,
-        sampling=Sampling.INDEPENDENT if plan == "independent" else Sampling.STRATIFIED,
-    )
+    values = points @ WEIGHTS + generator.standard_normal(runs)
+    sampling = Sampling.INDEPENDENT if plan == "independent" else Sampling.STRATIFIED
+    return sample_of_values(values, points, replicates=replicates, sampling=sampling)
 
 
 def reported(array, what):

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 import pytest
+from drawn_samples import sample_of_values
 from scipy import stats
 
 from uqpen.archive.estimates import interval_text
@@ -34,11 +35,9 @@ from uqpen.statistics.distribution_function.cdfs import cdf
 from uqpen.statistics.distribution_function.probabilities import exceedance_probabilities
 from uqpen.statistics.distribution_function.quantiles import quantile_estimates
 from uqpen.statistics.distribution_function.tolerance import tolerance_limits
-from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.moments.sample_moments import sample_moments
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
 from uqpen.statistics.run_samples import sample_of
-from uqpen.statistics.sample import Sample
 from uqpen.statistics.sensitivity.given_data import first_order
 from uqpen.statistics.sensitivity.sobol_indices import sobol_indices
 
@@ -313,15 +312,7 @@ def test_quantiles_of_lumps_of_probability_are_covered(sampling, p, asked):
     runs, covered = 1000, 0
     for seed in range(SEEDS):
         values = (np.random.default_rng(seed).random(runs) < p).astype(float)
-        everything = np.arange(runs)
-        sample = Sample(
-            values=values,
-            used=everything,
-            missing=everything[:0],
-            columns=InputColumns.none(runs),
-            replicates=everything // (runs // 10),
-            sampling=sampling,
-        )
+        sample = sample_of_values(values, replicates=10, sampling=sampling)
         if asked == 0.84:
             covered += seen(dict(sample_moments(sample, QUESTION))["half_spread"], 0.0).covers
         else:

@@ -5,15 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from drawn_samples import sample_of_values
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
 from uqpen.core.model import Output
-from uqpen.core.sampling import Sampling
 from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.statistics.sample import Sample
 from uqpen.statistics.sensitivity.delta import delta
 
 QUESTION = QuantityOfInterest(Output("y", "m"), "m")
@@ -24,15 +23,7 @@ WEIGHTS = np.array([1.0, 2.0, 0.5])
 def sample(seed, runs):
     """A sum of normal inputs."""
     points = np.random.default_rng(seed).standard_normal((runs, 3))
-    everything = np.arange(runs)
-    return Sample(
-        values=points @ WEIGHTS,
-        used=everything,
-        missing=everything[:0],
-        columns=InputColumns.from_matrix(NAMES, points),
-        replicates=np.zeros(runs, dtype=np.int64),
-        sampling=Sampling.INDEPENDENT,
-    )
+    return sample_of_values(points @ WEIGHTS, points)
 
 
 def of(drawn):

@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from drawn_samples import sample_of_values
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
@@ -21,7 +22,6 @@ from uqpen.distributions.joint_distribution import JointDistribution, RandomInpu
 from uqpen.distributions.univariate import Uniform
 from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
-from uqpen.statistics.sample import Sample
 from uqpen.statistics.sensitivity.given_data import first_order
 from uqpen.statistics.sensitivity.local_regression import RegressionBins
 
@@ -74,16 +74,9 @@ def drawn(design, seed):
     )
     runs = points_in_memory(next(design.rounds(joint, Stream(seed))))
     points = np.column_stack([runs[name].values for name in NAMES])
-    everything = np.arange(len(points))
-    replicates = runs["replicate"].values if "replicate" in runs.coords else everything * 0
-    return Sample(
-        values=np.zeros(len(points)),
-        used=everything,
-        missing=everything[:0],
-        columns=InputColumns.from_matrix(NAMES, points),
-        replicates=replicates,
-        sampling=design.sampling,
-    )
+    replicates = runs["replicate"].values if "replicate" in runs.coords else 0
+    values = np.zeros(len(points))
+    return sample_of_values(values, points, replicates=replicates, sampling=design.sampling)
 
 
 def of(function, sample):

@@ -2,27 +2,18 @@
 
 import numpy as np
 import pytest
+from drawn_samples import sample_of_values
 
 from uqpen.core.model import Output
-from uqpen.core.sampling import Sampling
-from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.statistics.sample import Sample
 from uqpen.statistics.sensitivity.given_data import first_order
 from uqpen.statistics.sensitivity.local_regression import RegressionBins
 
 
 def sample_of(size, replicates=1):
     points = np.random.default_rng(size).random((size, 2))
-    everything = np.arange(size)
-    return Sample(
-        values=np.sin(6 * points[:, 0]),
-        used=everything,
-        missing=everything[:0],
-        columns=InputColumns.from_matrix(("acts", "idle"), points),
-        replicates=everything * replicates // size,
-        sampling=Sampling.INDEPENDENT if replicates == 1 else Sampling.STRATIFIED,
-    )
+    values = np.sin(6 * points[:, 0])
+    return sample_of_values(values, points, ("acts", "idle"), replicates=replicates)
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from drawn_samples import sample_of_values
 
 import uqpen
 from uqpen.charts.measures import noise_charts
@@ -11,25 +12,16 @@ from uqpen.core.errors import StudyError
 from uqpen.core.sampling import Sampling
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.repeats import noise_sentences, repeat_widths
-from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.intervals import fieller_margins
 from uqpen.statistics.noise import RepeatedSample
-from uqpen.statistics.sample import Sample
 from uqpen.verification.check_result import CheckOutcome
 
 noise_coverage = pytest.importorskip("noise_coverage", reason="benchmarks are not here")
 
 
 def points_of(inputs, sampling=Sampling.INDEPENDENT):
-    everything = np.arange(len(inputs))
-    return Sample(
-        values=np.full(len(inputs), np.nan),
-        used=everything,
-        missing=everything[:0],
-        columns=InputColumns.from_matrix(("x",), inputs.reshape(-1, 1)),
-        replicates=np.zeros(len(inputs), dtype=np.int64),
-        sampling=sampling,
-    )
+    values = np.full(len(inputs), np.nan)
+    return sample_of_values(values, inputs.reshape(-1, 1), ("x",), sampling=sampling)
 
 
 def repeated(model, size, seed=0):

@@ -4,16 +4,14 @@ import math
 
 import numpy as np
 import pytest
+from drawn_samples import sample_of_values
 from scipy import stats
 
 from uqpen.archive.estimates import interval_text
 from uqpen.core.model import Output
-from uqpen.core.sampling import Sampling
 from uqpen.statistics import texts
-from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.moments.sample_moments import sample_moments
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.statistics.sample import Sample
 from uqpen.statistics.standard_errors import Margins, extreme_margins, skewness_margins
 
 QUANTITY = QuantityOfInterest(Output("y", "1"), "1")
@@ -27,16 +25,8 @@ ROUNDING = 1e-12
 
 def sample_of(values, weights=None):
     """Replicates in rows; independent draws where there is one dimension."""
-    everything = np.arange(values.size)
-    return Sample(
-        values=values.ravel(),
-        used=everything,
-        missing=everything[:0],
-        columns=InputColumns.none(values.size),
-        replicates=everything // values.shape[-1],
-        sampling=Sampling.INDEPENDENT if values.ndim == 1 else Sampling.STRATIFIED,
-        weights=weights,
-    )
+    replicates = 0 if values.ndim == 1 else len(values)
+    return sample_of_values(values.ravel(), replicates=replicates, weights=weights)
 
 
 def interval(sample, statistic):

@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 import scipy
+from drawn_samples import sample_of_values
 
 import uqpen
 from uqpen.archive.structure import find_faults
 from uqpen.core.model import Output
-from uqpen.core.sampling import Sampling
 from uqpen.report.blocks import Columns, Findings
 from uqpen.report.sections.answer import answer
 from uqpen.report.sections.archive import archive_notes
@@ -20,21 +20,12 @@ from uqpen.results.output_tables import output_tables
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.statistics.analyze import analyze
 from uqpen.statistics.distribution_function.quantiles import expected_shortfalls
-from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
-from uqpen.statistics.sample import Sample
 from uqpen.statistics.tails import fit_tails, fitting_tails, p_value, return_levels
 
 REQUESTS = QuantityOfInterest(
     Output("y", "m"), "m", expected_shortfall=(0.9, 0.99), return_periods=(5.0, 1e3, 1e5)
 )
-
-
-def sample(values, replicates=1):
-    used = np.arange(len(values))
-    of_runs = used * replicates // len(values)
-    sampling = Sampling.STRATIFIED if replicates > 1 else Sampling.INDEPENDENT
-    return Sample(values, used, used[:0], InputColumns.none(len(values)), of_runs, sampling)
 
 
 def pareto(shape, runs, seed=1):
@@ -44,7 +35,9 @@ def pareto(shape, runs, seed=1):
 
 
 def shortfall(values, replicates=1):
-    return dict(expected_shortfalls(sample(values, replicates), REQUESTS))["expected_shortfall"]
+    return dict(expected_shortfalls(sample_of_values(values, replicates=replicates), REQUESTS))[
+        "expected_shortfall"
+    ]
 
 
 def test_expected_shortfall_is_the_mean_of_the_largest_runs():
@@ -99,7 +92,7 @@ def test_p_values_of_true_samples_are_uniform_and_of_others_small():
 
 
 def levels(values, replicates=1):
-    return dict(return_levels(sample(values, replicates), REQUESTS))
+    return dict(return_levels(sample_of_values(values, replicates=replicates), REQUESTS))
 
 
 @pytest.mark.parametrize("shape", [0.0, 0.3])
@@ -148,7 +141,7 @@ def spread_evenly(runs):
 @pytest.mark.parametrize(("runs", "period"), [(2000, 32.0), (10_000, 186.0), (65_536, 1312.0)])
 def test_a_return_level_close_to_a_threshold_has_an_interval(runs, period):
     requests = QuantityOfInterest(Output("y", "m"), "m", return_periods=(period,))
-    found = dict(return_levels(sample(spread_evenly(runs)), requests))["return_level"]
+    found = dict(return_levels(sample_of_values(spread_evenly(runs)), requests))["return_level"]
     value, lower, upper = found.values[0]
     exact = math.exp(0.5 * scipy.special.ndtri(1 - 1 / period))
     assert lower < exact < upper

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-import xarray as xr
+from drawn_samples import runs_of_values
 from scipy import special
 
 import uqpen
@@ -19,31 +19,16 @@ from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
 LENGTH = Output("y", "m")
 
 
-def runs_of(values, sampling="independent", replicates=0):
-    """Runs with these values of y; NaN for a failed one."""
-    status = np.where(np.isnan(values), 2, 0).astype(np.int8)
-    sets = {"replicate": ("run", np.arange(len(values)) % replicates)} if replicates else {}
-    return xr.Dataset(
-        {
-            "x": ("run", np.arange(len(values)) / len(values), {"role": "input"}),
-            "y": ("run", values, {"role": "output"}),
-            "status": ("run", status),
-        },
-        {"run": np.arange(len(values)), **sets},
-        {"sampling": sampling},
-    )
-
-
 def below(values, *thresholds, **of_runs):
     asked = tuple(Threshold(f"{value:g} m", value) for value in thresholds)
     quantity = QuantityOfInterest(LENGTH, "m", lower_thresholds=asked)
-    return analyze(runs_of(values, **of_runs), [quantity], only=["exceedance"])["y"]["below"]  # type: ignore[arg-type]
+    return analyze(runs_of_values(values, **of_runs), [quantity], only=["exceedance"])["y"]["below"]  # type: ignore[arg-type]
 
 
 def exceedance(values, *thresholds, **of_runs):
     asked = tuple(Threshold(f"{value:g} m", value) for value in thresholds)
     quantity = QuantityOfInterest(LENGTH, "m", thresholds=asked)
-    found = analyze(runs_of(values, **of_runs), [quantity], only=["exceedance"])  # type: ignore[arg-type]
+    found = analyze(runs_of_values(values, **of_runs), [quantity], only=["exceedance"])  # type: ignore[arg-type]
     return found["y"]["exceedance"]
 
 

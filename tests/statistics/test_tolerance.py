@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-import xarray as xr
+from drawn_samples import runs_of_values
 from scipy import special, stats
 
 import uqpen
@@ -32,16 +32,7 @@ STATISTICS = ("tolerance_limit", "lower_tolerance_limit", "tolerance_interval")
 
 def limits(values, content, *, sampling="independent", replicates=0):
     """Tolerance limits of all kinds for one content; a failed run is NaN."""
-    sets = {"replicate": ("run", np.arange(len(values)) % replicates)} if replicates else {}
-    runs = xr.Dataset(
-        {
-            "x": ("run", np.arange(len(values)) / len(values), {"role": "input"}),
-            "y": ("run", values, {"role": "output"}),
-            "status": ("run", np.where(np.isnan(values), 2, 0).astype(np.int8)),
-        },
-        {"run": np.arange(len(values)), **sets},
-        {"sampling": sampling},
-    )
+    runs = runs_of_values(values, sampling, replicates=replicates)
     quantity = QuantityOfInterest(
         LENGTH,
         "m",

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 import xarray as xr
+from drawn_samples import runs_of_values
 from scipy import special
 
 import uqpen
@@ -60,22 +61,10 @@ class DefensiveShift(Design):
         return self.runs
 
 
-def runs_of(values, weights=None):
-    return xr.Dataset(
-        {
-            "x": ("run", values[::-1], {"role": "input"}),
-            "y": ("run", values, {"role": "output"}),
-            "status": ("run", np.zeros(len(values), dtype=np.int8)),
-        },
-        {"run": np.arange(len(values))} | ({} if weights is None else {"weight": ("run", weights)}),
-        {"sampling": "independent"},
-    )
-
-
 def importance_runs(seed, runs=1000):
     generator = np.random.default_rng(seed)
     z = generator.normal(size=runs) + np.where(generator.random(runs) < 0.5, 3.0, 0.0)
-    return runs_of(z, 2 / (1 + np.exp(3 * z - 4.5)))
+    return runs_of_values(z, weights=2 / (1 + np.exp(3 * z - 4.5)))
 
 
 NORMAL = np.random.default_rng(3).normal(size=400)
@@ -83,20 +72,23 @@ NORMAL = np.random.default_rng(3).normal(size=400)
 
 @pytest.mark.parametrize("statistic", ["mean", "std", "skewness", "kurtosis", "effective_runs"])
 def test_equal_weights_are_no_weights(statistic):
-    weighted, plain = (analyze(runs_of(NORMAL, w), [Y])["y"] for w in (np.full(400, 7.0), None))
+    weighted, plain = (
+        analyze(runs_of_values(NORMAL, weights=w), [Y])["y"] for w in (np.full(400, 7.0), None)
+    )
     np.testing.assert_allclose(weighted[statistic], plain[statistic], rtol=1e-12, equal_nan=True)
 
 
 def test_equal_weights_give_clopper_and_pearsons_interval():
     weighted, plain = (
-        analyze(runs_of(3 * NORMAL, w), [Y])["y"]["exceedance"] for w in (np.full(400, 0.1), None)
+        analyze(runs_of_values(3 * NORMAL, weights=w), [Y])["y"]["exceedance"]
+        for w in (np.full(400, 0.1), None)
     )
     np.testing.assert_allclose(weighted, plain, rtol=1e-9)
 
 
 def test_a_whole_weight_is_that_many_equal_runs():
     copies = np.random.default_rng(1).integers(0, 4, 400)
-    found = sample_of(runs_of(NORMAL, copies.astype(float)), "y")
+    found = sample_of(runs_of_values(NORMAL, weights=copies.astype(float)), "y")
     repeated = np.repeat(NORMAL, copies)
     assert found.mean(found.values) == pytest.approx(repeated.mean(), rel=1e-12)
     assert found.effective_size == pytest.approx(copies.sum() ** 2 / (copies**2).sum())
@@ -104,7 +96,9 @@ def test_a_whole_weight_is_that_many_equal_runs():
 
 def test_the_factor_of_the_weights_does_not_matter():
     weights = np.random.default_rng(2).random(400)
-    one, other = (analyze(runs_of(NORMAL, c * weights), [Y])["y"] for c in (1.0, 2.0**600))
+    one, other = (
+        analyze(runs_of_values(NORMAL, weights=c * weights), [Y])["y"] for c in (1.0, 2.0**600)
+    )
     for name, array in one.items():
         np.testing.assert_allclose(array, other[name], rtol=1e-9, equal_nan=True)
 
@@ -148,14 +142,14 @@ def test_an_event_in_no_run_has_no_interval():
 
 def test_a_small_effective_size_has_no_interval():
     weights = np.where(np.arange(400) < 3, 1.0, 1e-9)
-    mean = analyze(runs_of(NORMAL, weights), [Y])["y"]["mean"]
+    mean = analyze(runs_of_values(NORMAL, weights=weights), [Y])["y"]["mean"]
     assert mean.values[0] == pytest.approx(NORMAL[:3].mean(), rel=1e-6)
     assert interval_text(mean, NOTE) == "weights: an effective sample size of 3 is too small"
 
 
 def test_a_hidden_tail_is_reported_by_the_effective_size():
     weights = np.where(np.arange(400) < 100, 1.0, 1e-9)
-    std = analyze(runs_of(NORMAL, weights), [Y])["y"]["std"]
+    std = analyze(runs_of_values(NORMAL, weights=weights), [Y])["y"]["std"]
     expected = "weights: an effective sample size below 200 is too small to detect a heavy tail"
     assert interval_text(std, NOTE) == expected
 
