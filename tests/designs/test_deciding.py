@@ -82,14 +82,6 @@ class TestLikelihoodRatio:
         assert decide(none, none, 0.2, is_below=False) == (ClaimVerdict.NOT_HELD, 21)
         assert decide(none[:20], none[:20], 0.2, is_below=True) == (ClaimVerdict.UNDECIDED, 20)
 
-    def test_the_opposite_event_gives_the_opposite_answer(self):
-        rng = np.random.default_rng(5)
-        none = boolean(np.zeros(2_000))
-        for p in (0.1, 0.15, 0.3):
-            events = rng.random(2_000) < p
-            found = decide(events, none, 0.2, is_below=True)
-            assert found == decide(~events, none, 0.8, is_below=False)
-
     def test_missing_runs_count_against_either_answer(self):
         all_missing, none = boolean(np.ones(3_000)), boolean(np.zeros(3_000))
         for is_below in (True, False):
@@ -175,14 +167,6 @@ class TestWhenItEnds:
         assert found.runs == attributes()["decision_runs"]
         assert claim.decide(runs.isel(run=slice(found.runs))) == found
         assert claim.decide(runs.isel(run=slice(found.runs - 1))).verdict is ClaimVerdict.UNDECIDED
-
-    def test_undecided_at_the_largest_number(self):
-        found = attributes(NEVER)
-        assert (found["decision"], found["decision_runs"], found["runs_spent"]) == (
-            "undecided",
-            300,
-            300,
-        )
 
     def test_several_models_each_have_their_decision(self):
         two = '[models.calm]\nuse = "ishigami"\n[models.wild]\nuse = "ishigami"\na = 21.0\n'

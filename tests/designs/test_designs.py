@@ -155,12 +155,6 @@ def test_a_lower_discrepancy_is_what_optimization_is_for():
     assert qmc.discrepancy(unit[1]) < 0.8 * qmc.discrepancy(unit[0])
 
 
-def test_hypercubes_are_drawn_independently():
-    drawn = points(LatinHypercube(4000, replicates=2))["length"].values.reshape(2, 2000)
-    # A correlation of 2000 independent pairs, within five of its standard errors.
-    assert abs(np.corrcoef(drawn)[0, 1]) < 5 / 2000**0.5
-
-
 @pytest.mark.parametrize(
     ("runs", "replicates", "nearest"),
     [(1000, 16, "512 or 1024"), (16, 16, "such as 32,"), (100, 2, "64 or 128"), (4, 3, "6")],

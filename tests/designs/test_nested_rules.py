@@ -1,6 +1,5 @@
 """Nested rules: as exact as Gauss's of the same order, and each among the next."""
 
-import itertools
 import math
 import subprocess
 import sys
@@ -90,19 +89,6 @@ def test_moments_are_exact_to_the_degree_of_the_order(rule, distribution, order)
         assert abs(powers @ weights - moment(distribution, degree)) < ROUNDING * size
 
 
-@pytest.mark.parametrize(("rule", "distribution"), PAIRS, ids=str)
-@pytest.mark.parametrize("order", [4])
-def test_a_polynomial_has_the_mean_that_gausss_rule_gives(rule, distribution, order):
-    ((values, weights),) = univariate_rules(rule, distribution, [order])
-    ((gauss, shares),) = univariate_rules("gauss", distribution, [order])
-    centre = shares @ gauss
-    for degree in range(2 * order + 2):
-        exact = (gauss - centre) ** degree @ shares
-        powers = (values - centre) ** degree
-        size = float(np.abs(powers) @ np.abs(weights))
-        assert powers @ weights == pytest.approx(exact, abs=ROUNDING * size)
-
-
 @pytest.mark.parametrize("order", [1, 4, 15, 27, 31, 33])
 @pytest.mark.parametrize("variant", [16, 18, 22, 24])
 def test_genz_and_keisters_weights_are_chaospys(variant, order):
@@ -131,18 +117,6 @@ def test_the_points_of_a_lower_order_are_among_those_of_a_higher(pair, one, othe
     assert (distances < ROUNDING * max(np.ptp(many), 1.0)).all()
 
 
-@pytest.mark.parametrize("rule", ["clenshaw-curtis", "fejer-1", "fejer-2", "leja"])
-def test_sparse_grids_are_nested(rule):
-    joint = law_of(UNIFORM, UNIFORM)
-    nodes = [
-        np.stack([found["x1"].values, found["x2"].values], axis=1)
-        for found in (points(Quadrature(order, "sparse", rule), joint) for order in (1, 2, 3))
-    ]
-    for few, many in itertools.pairwise(nodes):
-        assert len(few) < len(many)
-        assert (np.abs(few[:, np.newaxis] - many).max(axis=2).min(axis=1) < ROUNDING).all()
-
-
 @pytest.mark.parametrize("grid", ["tensor", "sparse"])
 @pytest.mark.parametrize(("rule", "distribution"), PAIRS, ids=str)
 def test_polynomials_of_all_inputs_are_exact(rule, distribution, grid):
@@ -159,13 +133,6 @@ def test_polynomials_of_all_inputs_are_exact(rule, distribution, grid):
     )
     low = np.add.outer(np.arange(6), np.arange(6)) <= 5
     np.testing.assert_allclose(ours[low], exact[low], rtol=1e-11, atol=1e-11)
-
-
-def test_both_ends_of_a_range_are_nodes():
-    for distribution in BOUNDED:
-        ((values, _),) = univariate_rules("clenshaw-curtis", distribution, [3])
-        assert values[0] == distribution.ppf(np.array(0.0))
-        assert values[-1] == distribution.isf(np.array(0.0))
 
 
 def test_a_range_far_from_zero_costs_no_digits():

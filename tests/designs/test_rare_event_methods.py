@@ -114,14 +114,6 @@ def test_all_or_any_limits_of_several_outputs(check):
     check(2 * tail - tail**2, "depth > 5 m or speed < -5 m/s")
 
 
-def test_an_output_with_two_values_is_no_obstacle(made):
-    def steps(a, b):
-        return {"depth": (a > 2.0) + (a > 3.0) * 1.0, "speed": b}
-
-    _, lower, upper = probability(made("depth > 1.5 m", steps)).values
-    assert lower <= special.ndtr(-3.0) <= upper
-
-
 def test_failed_runs_are_neither_safe_nor_in_the_event(made):
     def fails(a, b):
         # Beyond 3.5 the solver fails where b is above 0: half of the event is unknown.

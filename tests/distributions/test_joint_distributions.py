@@ -15,7 +15,7 @@ from uqpen.distributions.input_group import SampleDistribution
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.results.output_tables import output_tables
 from uqpen.surrogates.archived_surrogate import restore_surrogate
-from uqpen.testing import check_joint, example_joint_distribution
+from uqpen.testing import check_joint
 
 FACTOR = chaospy.Uniform(1, 2)
 JOINTS = {
@@ -64,13 +64,6 @@ def test_a_sample_keeps_the_contract(*, weighted):
     made = study(joint={"posterior": {"sample": columns}})
     check_joint(made.joint)
     assert not made.joint.is_independent
-
-
-def test_copulas_keep_the_contract():
-    independent = example_joint_distribution()
-    check_joint(independent)
-    copula = uqpen.GaussianCopula(("length", "share"), ((1.0, 0.6), (0.6, 1.0)))
-    check_joint(replace(independent, dependence=copula))
 
 
 def test_a_draw_is_a_row_of_the_sample():

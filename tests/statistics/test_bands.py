@@ -66,11 +66,6 @@ class TestSimultaneousBands:
             assert not (band.sel(bound="upper") < pointwise.sel(bound="upper")).any()
             assert (np.asarray(band.attrs["pointwise_level"]) > 0.95).all()
 
-    def test_of_equal_places_is_as_of_one(self):
-        curve = smooth_curves(2, 200, 1)
-        sample = field(curve).runs
-        assert simultaneous_level(sample, [curve] * 3) == simultaneous_level(sample, [curve])
-
     def test_of_independent_places_is_that_of_their_product(self):
         runs = np.random.default_rng(3).normal(size=(1000, 30))
         level = simultaneous_level(field(runs).runs, [runs - runs.mean(axis=0)])

@@ -141,10 +141,6 @@ def test_the_usual_level_is_stated_nowhere_but_at_intervals(usual):
     assert level_attribute(stated) == {}
 
 
-def test_it_stands_in_the_text_of_the_study():
-    assert "confidence_level = 0.8\n" in study(confidence_level=0.8).to_toml()
-
-
 @pytest.mark.parametrize("level", ["0.4", "1", "90", '"90 %"'])
 def test_a_wrong_level_is_refused_with_its_line(study_of, level):
     text = study_of("a", a=(0, 1)).text

@@ -4,14 +4,11 @@ import math
 from collections import Counter
 
 import numpy as np
-from corrected_surrogates import NORMAL, STREAM, corrected_by, made
+from corrected_surrogates import NORMAL, corrected_by, made
 
 from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.statistics.estimate import Estimate
-from uqpen.statistics.surrogate.corrected_statistics import correction_evidence
-from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
 from uqpen.surrogates.chaos.polynomial_chaos import PolynomialChaos
-from uqpen.surrogates.fitting import cross_fit
 from uqpen.surrogates.gaussian_process import GaussianProcess
 
 LINEAR = PolynomialChaos(design="training", order=1)
@@ -94,19 +91,6 @@ def test_the_work_for_thresholds_grows_with_their_number(study_of, monkeypatch):
         corrected(study_of("a + b", f"[outputs.y]\nexceeds = {limits}", a=(0, 1), b=(0, 1)))
     # Each has two indices of two inputs.
     assert estimates[15] - estimates[5] <= 10 * 2 * 2 * 3
-
-
-def test_no_threshold_keeps_draws_of_its_own(study_of):
-    study = study_of("a + b", "[outputs.y]\nexceeds = [0.8, 1, 1.2]", a=(0, 1), b=(0, 1))
-    model, training = study.models[""].model, made(study, MonteCarlo(runs=100))
-    fitted = LINEAR.fit("pce", training, model, study.joint, STREAM)
-    folds = cross_fit(LINEAR, "pce", training, model, study.joint, STREAM)
-    draws = SurrogateDraws(fitted, study.joint, study.constraints, {}, STREAM)
-    evidence = correction_evidence(draws, folds, training, None, study.model_quantities(model))
-    runs, events = evidence.runs["y"], evidence.indexed["y"]["exceedance_"]
-    assert [each.output for each in events] == [runs] * 3
-    for event, limit in zip(events, (0.8, 1.0, 1.2), strict=True):
-        np.testing.assert_array_equal(event.runs.draws, runs.draws > limit)
 
 
 def test_a_surrogate_without_terms_has_intervals_of_indices(study_of):

@@ -65,21 +65,6 @@ def test_bonett_and_price_is_its_formula():
     assert half == pytest.approx(expected)
 
 
-@pytest.mark.parametrize("expected", [(0.5, 0.5), (3, 0.1), (6, 6), (0.1, 8)])
-def test_few_disagreements_keep_the_coverage(expected):
-    runs = 60
-    one, other = np.array(expected) / runs
-    gained, dropped = np.meshgrid(np.arange(41), np.arange(41))
-    chances = stats.multinomial.pmf(
-        np.stack([gained, dropped, runs - gained - dropped], axis=-1).clip(0).reshape(-1, 3),
-        runs,
-        [one, other, 1 - one - other],
-    ).reshape(gained.shape)
-    centre, half = bonett_price(gained, dropped, runs, 0.95)
-    covers = np.abs(centre - (one - other)) <= half
-    assert (chances * covers).sum() >= 0.93
-
-
 def test_a_useless_surrogate_leaves_the_plain_mean():
     runs = replace(runs_of(), predictions=np.zeros(40), draws=np.zeros((2, 64)))
     found = corrected_mean(runs, runs.values, runs.predictions, runs.draws)

@@ -107,24 +107,6 @@ def test_rank_correlations_keep_under_monotone_transforms(seed, power):
         assert np.array_equal(one[name].values, two[name].values)
 
 
-@pytest.mark.processor
-@pytest.mark.slow
-@given(seed=st.integers(0, 1000), shift=st.integers(-100, 100))
-@settings(max_examples=8)
-def test_order_of_runs_and_origin_of_the_output_do_not_matter(seed, shift):
-    drawn = sample(seed, runs=250)
-    order = np.random.default_rng(seed).permutation(drawn.size)
-    other = replace(
-        drawn,
-        values=drawn.values[order] + shift,
-        columns=InputColumns.from_matrix(drawn.inputs, drawn.points[order]),
-    )
-    one, two = dict(correlations(drawn, QUESTION)), dict(correlations(other, QUESTION))
-    for name, answer in one.items():
-        # Sums in another order round otherwise.
-        assert two[name].values == pytest.approx(answer.values, abs=1e-9)
-
-
 @pytest.mark.parametrize(
     ("change", "reason"),
     [

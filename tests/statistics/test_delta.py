@@ -70,20 +70,6 @@ def test_only_ranks_matter(seed):
     assert np.array_equal(of(drawn).values, of(other).values, equal_nan=True)
 
 
-@pytest.mark.slow
-@given(seed=st.integers(0, 1000))
-@settings(max_examples=8)
-def test_order_of_runs_does_not_matter(seed):
-    drawn = sample(seed, 100)
-    order = np.random.default_rng(seed).permutation(drawn.size)
-    other = replace(
-        drawn,
-        values=drawn.values[order],
-        columns=InputColumns.from_matrix(drawn.inputs, drawn.points[order]),
-    )
-    assert np.array_equal(of(drawn).values, of(other).values, equal_nan=True)
-
-
 def test_levels_of_an_input_are_classes():
     drawn = sample(0, 2000)
     levels = replace(

@@ -93,10 +93,6 @@ def test_each_score_moves_one_moment_alone(distribution):
     )
 
 
-def test_two_values_have_no_mean_that_moves_alone():
-    assert InputScores.of(Discrete((1.0, 2.0))) is None
-
-
 def model(a, b, c):
     y = a + 2 * b
     return {"y": np.where((c > 0.5) & (y > 7.5), np.nan, y), "z": a + 2 * b}

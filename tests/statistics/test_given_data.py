@@ -135,26 +135,6 @@ def test_the_unit_of_the_output_does_not_matter(seed, factor):
     assert indices(other).values == pytest.approx(indices(sample).values, abs=1e-9)
 
 
-@pytest.mark.parametrize("design", ["monte-carlo", "sobol"])
-def test_the_order_of_runs_does_not_matter(design):
-    sample = of(ishigami, drawn(DESIGNS[design], 3))
-    order = np.random.default_rng(0).permutation(sample.size)
-    other = replace(
-        sample,
-        values=sample.values[order],
-        columns=InputColumns.from_matrix(sample.inputs, sample.points[order]),
-        replicates=sample.replicates[order],
-    )
-    assert indices(other).values == pytest.approx(indices(sample).values, abs=1e-12)
-
-
-def test_bins_of_replicates_have_one_run_of_each():
-    sample = drawn(DESIGNS["sobol"], 1)
-    bins = RegressionBins.from_sample(sample, 1)
-    pairs = np.unique(np.stack([bins.label, sample.replicates]), axis=1)
-    assert pairs.shape[1] == sample.size
-
-
 def test_lost_runs_leave_full_bins():
     covering = np.zeros(3)
     for seed in range(SEEDS):

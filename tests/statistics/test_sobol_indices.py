@@ -207,15 +207,6 @@ def test_the_concrete_study_has_the_indices_of_admissible_draws(concrete):
     assert "heavy tail" in str(first["note"].values[0])
 
 
-def test_the_residues_indices_are_narrow_as_its_tail_is_light(concrete):
-    # From 512 times as many blocks, whose errors are below 0.0006.
-    first = indices_of(concrete, "projectile_residue", "first_order")
-    total = indices_of(concrete, "projectile_residue", "total_order")
-    assert inside(first, (0.00094, 0.1596, 0.5782, 0.2252))
-    assert inside(total, (0.00162, 0.1715, 0.6107, 0.2544))
-    assert set(total["interval_label"].values) == {"nominal"}
-
-
 def test_the_logarithm_and_the_limit_have_indices_of_their_own(concrete):
     log = indices_of(concrete, "penetration_depth", "log_first_order")
     assert inside(log, (0.00174, 0.18319, 0.5671, 0.2376))

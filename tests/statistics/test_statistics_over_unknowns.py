@@ -194,22 +194,6 @@ def test_failed_runs_widen_bounds_for_any_outcome(box):
     assert found["upper_exceedance"].values[0, 2] > before + 0.01
 
 
-def test_a_few_repetitions_contain_both_true_bounds(study_of):
-    # A sample of benchmarks/unknowns_coverage.py: 20 seeds, both ends at 97.5 %.
-    study = study_of("x", "[outputs.y]\nexceeds = [3]", x=BOX)
-    held = 0
-    for seed in range(20):
-        unit = np.random.default_rng(seed).random((500, 1))
-        points = study.joint.points(unit, {})
-        runs = points.assign({"y": points["x"], STATUS: ("run", np.zeros(500, np.int8))})
-        runs = runs.assign_attrs(sampling=str(Sampling.OVER_BOX))
-        quantities = [each for each in study.quantities_of_interest if each.output.name == "y"]
-        found = module.statistics_over_unknowns(runs, quantities, study.joint, only={"exceedance"})
-        lower, upper = (found["y"][f"{end}_exceedance"].values[0] for end in ("lower", "upper"))
-        held += lower[1] <= norm.sf(3) and norm.sf(4 / 3) <= upper[2]
-    assert held >= 17
-
-
 def test_the_concrete_wall_of_eight_specimens():
     path = Path(__file__).parents[2] / "studies" / "concrete_specimens.toml"
     text = path.read_text(encoding="utf-8").replace("runs = 8_000", "runs = 3_000")

@@ -166,18 +166,6 @@ def test_an_end_below_the_threshold_is_a_run_that_the_binomial_distribution_excl
             assert lower > tail.threshold
 
 
-def test_an_end_of_an_interval_moves_past_a_threshold_without_a_jump():
-    values = spread_evenly(10_000)
-    (tail, *_) = fitting_tails(values)
-    periods = np.linspace(1.1, 1.2, 21) * 10_000 / len(tail.excesses)
-    ends = np.array([tail.interval(period, 0.95)[0] for period in periods])
-    assert ends[0] < tail.threshold < ends[-1]
-    # A step of the period is one of a run, and no end moves by more than two runs.
-    apart = np.diff(values[-len(tail.excesses) - 30 :][:60]).max()
-    assert (np.diff(ends) >= 0).all()
-    assert np.diff(ends).max() < 2 * apart
-
-
 def test_an_end_does_not_depend_on_the_unit():
     values = np.sort(pareto(0.2, 2000))
     (tail, *_), (small, *_) = fitting_tails(values), fitting_tails(1e-15 * values)

@@ -230,20 +230,6 @@ def test_the_truncation_is_the_share_that_the_components_leave(seed, count, is_w
     assert (found.components.max(axis=1) >= -found.components.min(axis=1)).all()
 
 
-def test_a_finer_grid_changes_no_score():
-    def of_grid(times):
-        rng = np.random.default_rng(1)
-        values = sum(rng.normal(size=(50, 1)) / (k + 1) * np.cos(k * times / 2) for k in range(4))
-        dimension = Dimension("time", "s", values=tuple(times))
-        return PrincipalComponents.of_runs(np.asarray(values), dimension.weights, 3)
-
-    coarse = of_grid(np.linspace(0, 3, 101))
-    # Ten times as many places in one third of the field.
-    finer = of_grid(np.unique(np.append(np.linspace(0, 3, 101), np.linspace(0, 1, 1001))))
-    np.testing.assert_allclose(finer.variances, coarse.variances, rtol=1e-3)
-    assert finer.truncation == pytest.approx(coarse.truncation, rel=1e-2)
-
-
 def test_a_place_that_never_varies_has_no_scatter_of_rounding():
     values = np.column_stack([np.full(9, 0.1), np.arange(9.0), np.sqrt(np.arange(9.0))])
     weights = Dimension("time", "s", values=(0.0, 1.0, 2.0)).weights

@@ -152,21 +152,6 @@ def test_any_polynomial_is_reproduced():
     assert error.max() < 1e-12 * np.abs(truth).max()
 
 
-def test_a_product_and_a_sum():
-    unit = Uniform(0.0, 1.0)
-    joint = law_of(unit, unit, unit)
-    found = fitted(lambda x: x["x1"] * x["x2"] + x["x3"], joint, LatinHypercube(40, 1))
-    expansion = found.expansions["y"]
-    terms = expansion.indices, expansion.coefficients
-    assert {(0, 0, 1), (1, 1, 0)} < set(map(tuple, expansion.indices.tolist()))
-    assert len(expansion.indices) == 5
-    assert mean(*terms) == pytest.approx(0.75, abs=1e-13)
-    assert standard_deviation(*terms) ** 2 == pytest.approx(19 / 144, abs=1e-13)
-    indices = input_shares(*terms)
-    np.testing.assert_allclose(indices.first, [3 / 19, 3 / 19, 12 / 19], atol=1e-12)
-    np.testing.assert_allclose(indices.total, [4 / 19, 4 / 19, 12 / 19], atol=1e-12)
-
-
 @pytest.mark.slow
 def test_ishigami_from_two_hundred_runs():
     side = Uniform(-math.pi, math.pi)
@@ -185,22 +170,6 @@ def test_ishigami_from_two_hundred_runs():
     assert check.q2 == check.q2_of_output > 1 - 1e-9
     assert found.expansions["y"].q2 > 1 - 1e-9
     assert found.expansions["y"].noise.first.max() < 1e-4
-
-
-def test_sobols_g_function_roughly():
-    a = np.array([0.0, 1.0, 4.5, 9.0])
-
-    def g(x):
-        columns = [(abs(4 * x[f"x{i + 1}"] - 2) + a[i]) / (1 + a[i]) for i in range(4)]
-        return np.prod(columns, axis=0)
-
-    joint = law_of(*[Uniform(0.0, 1.0)] * 4)
-    found = fitted(g, joint, LatinHypercube(400, 1), order=8, truncation=0.75).expansions["y"]
-    # The first four of eight inputs: their indices but for a factor next to one.
-    first = input_shares(found.indices, found.coefficients).first
-    np.testing.assert_allclose(first, [0.7162, 0.1790, 0.0237, 0.0072], atol=0.02)
-    # The corners of the function take all orders: the error is seen, not hidden.
-    assert 1e-3 < found.cross_validation < 0.2
 
 
 def test_closed_forms_of_many_terms_are_exact():
