@@ -17,7 +17,7 @@ import numpy as np
 import xarray as xr
 from problems import independent, with_output
 from scipy.stats import qmc
-from seed_table import FEWEST, STUDIES, Row, SeedTable, lines, per_cent, too_seldom, totals
+from seed_table import FEWEST, STUDIES, Row, SeedTable, cross_table, per_cent, too_seldom, totals
 
 from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import RUN, SAMPLING
@@ -216,20 +216,22 @@ def _cells(rows: Sequence[Row]) -> dict[tuple[str, int, str], SimpleNamespace]:
 
 
 def _page(rows: Sequence[Row]) -> Iterator[str]:
-    cells = _cells(rows)
+    cells = _cells(rows).values()
     names = {"std": "standard deviation"}
-    of = (
-        [f"{PROBLEMS[name].title}: {budget}"]
-        + [_text(cells.get((name, budget, each))) for each in STATISTICS]
-        for name, budget in _cases()
+    yield from cross_table(
+        cells,
+        "budget",
+        lambda cell: f"{PROBLEMS[cell.problem].title}: {cell.budget}",
+        lambda cell: names.get(cell.statistic, cell.statistic),
+        _text,
     )
-    yield from lines(["budget", *(names.get(each, each) for each in STATISTICS)], of)
-    yield f"\nSeeds: {max(cell.count for cell in cells.values())}."
+    yield f"\nSeeds: {max(cell.count for cell in cells)}."
 
 
-def _text(cell: SimpleNamespace | None) -> str:
+def _text(cells: Sequence[SimpleNamespace]) -> str:
     """Coverage and ratio of widths; the share of seeds with an interval if not all have one."""
-    if cell is None or cell.intervals < FEWEST:
+    (cell,) = cells
+    if cell.intervals < FEWEST:
         return "none"
     ratio = f"{cell.width / cell.plain_width:.2f}" if cell.plain_width else "–"
     few = f" ({100 * cell.intervals / cell.count:.0f} %)" if cell.intervals < cell.count else ""

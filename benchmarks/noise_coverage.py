@@ -11,15 +11,15 @@ from __future__ import annotations
 
 import math
 import re
-import tempfile
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property, lru_cache
-from pathlib import Path
+from operator import attrgetter
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
-from seed_table import FEWEST, LOWEST, Row, SeedTable, lines, per_cent, totals
+from seed_table import FEWEST, LOWEST, Row, SeedTable, cross_table, per_cent, totals
 
 import uqpen
 from uqpen.core.arrays import BoolArray, FloatArray
@@ -33,6 +33,7 @@ from uqpen.designs.repeated import RepeatedDesign
 from uqpen.designs.saltelli import BlockLayout
 from uqpen.distributions.univariate import Uniform
 from uqpen.execution import Evaluator, evaluate
+from uqpen.models.known_functions import Ishigami
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.input_columns import InputColumns
@@ -50,7 +51,7 @@ from uqpen.surrogates.fitting import cross_fit, fit_surrogate
 from uqpen.surrogates.gaussian_process import GaussianProcess
 from uqpen.surrogates.gaussian_process_fit import StandardisedInputs
 
-Draw = Callable[[np.random.Generator, FloatArray], FloatArray]
+Function = Callable[..., FloatArray]
 
 QUANTITY = QuantityOfInterest(Output("y", "1"), "1")
 COUNTS = ("intervals", "covers", "noted", "hidden", "heavy")
@@ -81,13 +82,27 @@ class NoisyModel:
     ----------
     inputs : int
     mean, variance : callable
-        Given the inputs, shape (..., input).
+        Given each of the inputs.
     draw : callable
-        Draws a run at each point.
+        Draws a run at each point, given a generator and each of the inputs.
     """
 
-    def __init__(self, inputs: int, mean: Any, variance: Any, draw: Draw) -> None:
-        self.inputs, self.mean, self.variance, self.draw = inputs, mean, variance, draw
+    def __init__(
+        self, inputs: int, mean: Function, variance: Function, draw: Callable[..., FloatArray]
+    ) -> None:
+        self.inputs, self._mean, self._variance, self._draw = inputs, mean, variance, draw
+
+    def mean(self, u: FloatArray) -> FloatArray:
+        """Return the mean given the inputs, shape (..., input)."""
+        return self._mean(*np.moveaxis(u, -1, 0))
+
+    def variance(self, u: FloatArray) -> FloatArray:
+        """Return the variance given the inputs, shape (..., input)."""
+        return self._variance(*np.moveaxis(u, -1, 0))
+
+    def draw(self, rng: np.random.Generator, u: FloatArray) -> FloatArray:
+        """Return a run at each point."""
+        return self._draw(rng, *np.moveaxis(u, -1, 0))
 
     @cached_property
     def truth(self) -> Truth:
@@ -133,113 +148,74 @@ class NoisyModel:
         return float((deviations**4).mean() / (deviations**2).mean() ** 2)
 
 
-def _gaussian(inputs: int, mean: Any, std: Any) -> NoisyModel:
-    def draw(rng: np.random.Generator, u: FloatArray) -> FloatArray:
-        return mean(u) + std(u) * rng.standard_normal(u.shape[:-1])
-
-    return NoisyModel(inputs, mean, lambda u: std(u) ** 2, draw)
-
-
-def _light_toy() -> NoisyModel:
-    """Sum a + b² + N(0, 1): shares 0.25, 0.5, and 0.25 of the noise; c is idle."""
-    a, b = 2 * math.sqrt(3), 2 * 22.5**0.25
-
-    def mean(u: FloatArray) -> FloatArray:
-        return a * u[..., 0] + (b * (u[..., 1] - 0.5)) ** 2
-
-    return _gaussian(3, mean, lambda u: np.ones(u.shape[:-1]))
-
-
-def _g_function() -> NoisyModel:
-    def mean(u: FloatArray) -> FloatArray:
-        a = np.array([0.0, 1.0, 9.0])
-        return ((np.abs(4 * u - 2) + a) / (1 + a)).prod(axis=-1)
-
-    return _gaussian(3, mean, lambda u: 0.3 + 0.9 * u[..., 2])
-
-
-def _ishigami() -> NoisyModel:
-    def mean(u: FloatArray) -> FloatArray:
-        x = np.pi * (2 * u - 1)
-        one = np.sin(x[..., 0])
-        return one + 7 * np.sin(x[..., 1]) ** 2 + 0.1 * x[..., 2] ** 4 * one
-
-    return _gaussian(3, mean, lambda u: 1 + 2 * u[..., 0])
+def _gaussian(mean: Function, std: Function) -> NoisyModel:
+    return NoisyModel(
+        3,
+        mean,
+        lambda *u: std(*u) ** 2,
+        lambda rng, *u: mean(*u) + std(*u) * rng.standard_normal(u[0].shape),
+    )
 
 
 def _compound_poisson() -> NoisyModel:
     """A Poisson number of exponential amounts, such as the claims of a year."""
 
-    def draw(rng: np.random.Generator, u: FloatArray) -> FloatArray:
-        number = rng.poisson(5 + 10 * u[..., 0])
+    def draw(rng: np.random.Generator, a: FloatArray, b: FloatArray) -> FloatArray:
+        number = rng.poisson(5 + 10 * a)
         total = rng.standard_gamma(np.maximum(number, 1e-9))
-        return np.where(number > 0, total, 0.0) * (1 + 2 * u[..., 1])
+        return np.where(number > 0, total, 0.0) * (1 + 2 * b)
 
-    return NoisyModel(
-        2,
-        lambda u: (5 + 10 * u[..., 0]) * (1 + 2 * u[..., 1]),
-        lambda u: 2 * (5 + 10 * u[..., 0]) * (1 + 2 * u[..., 1]) ** 2,
-        draw,
-    )
+    def mean(a: FloatArray, b: FloatArray) -> FloatArray:
+        return (5 + 10 * a) * (1 + 2 * b)
+
+    return NoisyModel(2, mean, lambda a, b: 2 * (5 + 10 * a) * (1 + 2 * b) ** 2, draw)
 
 
 def _brownian() -> NoisyModel:
-    """Geometric Brownian motion after a time of 1."""
+    """Geometric Brownian motion after a time of 1, of a start, a drift and a volatility."""
 
-    def parts(u: FloatArray) -> tuple[FloatArray, ...]:
-        return 50 + 100 * u[..., 0], 0.1 * u[..., 1], 0.1 + 0.2 * u[..., 2]
+    def mean(a: FloatArray, b: FloatArray, _: FloatArray) -> FloatArray:
+        return (50 + 100 * a) * np.exp(0.1 * b)
 
-    def mean(u: FloatArray) -> FloatArray:
-        start, drift, _ = parts(u)
-        return start * np.exp(drift)
+    def draw(rng: np.random.Generator, *u: FloatArray) -> FloatArray:
+        volatility = 0.1 + 0.2 * u[2]
+        normal = rng.standard_normal(volatility.shape)
+        return mean(*u) * np.exp(volatility * normal - volatility**2 / 2)
 
-    def variance(u: FloatArray) -> FloatArray:
-        return mean(u) ** 2 * np.expm1(parts(u)[2] ** 2)
-
-    def draw(rng: np.random.Generator, u: FloatArray) -> FloatArray:
-        volatility = parts(u)[2]
-        return mean(u) * np.exp(
-            volatility * rng.standard_normal(volatility.shape) - volatility**2 / 2
-        )
-
-    return NoisyModel(3, mean, variance, draw)
+    return NoisyModel(3, mean, lambda *u: mean(*u) ** 2 * np.expm1((0.1 + 0.2 * u[2]) ** 2), draw)
 
 
 def _galton_watson() -> NoisyModel:
     """Five generations; each of 10 to 30 ancestors has its own tree, and inputs are continuous."""
     generations = 5
 
-    def parts(u: FloatArray) -> tuple[FloatArray, FloatArray]:
-        return 10 + 20 * u[..., 0], 0.8 + 0.3 * u[..., 1]
+    def mean(a: FloatArray, b: FloatArray) -> FloatArray:
+        return (10 + 20 * a) * (0.8 + 0.3 * b) ** generations
 
-    def mean(u: FloatArray) -> FloatArray:
-        start, growth = parts(u)
-        return start * growth**generations
-
-    def variance(u: FloatArray) -> FloatArray:
+    def variance(a: FloatArray, b: FloatArray) -> FloatArray:
         # The first generation is Poisson of start · growth, so it has that variance, as if each
         # ancestor had a Poisson number of children.
-        start, growth = parts(u)
-        powers = sum(growth**k for k in range(generations))
-        return start * growth**generations * powers
+        return mean(a, b) * sum((0.8 + 0.3 * b) ** k for k in range(generations))
 
-    def draw(rng: np.random.Generator, u: FloatArray) -> FloatArray:
-        number, growth = parts(u)
+    def draw(rng: np.random.Generator, a: FloatArray, b: FloatArray) -> FloatArray:
+        number = 10 + 20 * a
         for _ in range(generations):
-            number = rng.poisson(number * growth)
+            number = rng.poisson(number * (0.8 + 0.3 * b))
         return number.astype(np.float64)
 
     return NoisyModel(2, mean, variance, draw)
 
 
 def _event() -> NoisyModel:
-    def mean(u: FloatArray) -> FloatArray:
-        return 0.1 + 0.5 * u[..., 0] + 0.3 * u[..., 1]
+    def mean(a: FloatArray, b: FloatArray) -> FloatArray:
+        return 0.1 + 0.5 * a + 0.3 * b
 
-    def draw(rng: np.random.Generator, u: FloatArray) -> FloatArray:
-        return (rng.random(u.shape[:-1]) < mean(u)).astype(np.float64)
-
-    return NoisyModel(2, mean, lambda u: mean(u) * (1 - mean(u)), draw)
+    return NoisyModel(
+        2,
+        mean,
+        lambda a, b: mean(a, b) * (1 - mean(a, b)),
+        lambda rng, a, b: (rng.random(a.shape) < mean(a, b)).astype(np.float64),
+    )
 
 
 def _queue() -> NoisyModel:
@@ -270,32 +246,45 @@ def _queue() -> NoisyModel:
         nodes, [math.log(variance_of_mean(each)) for each in nodes], 15, domain=[0.2, 0.7]
     )
 
-    def parts(u: FloatArray) -> tuple[FloatArray, FloatArray]:
-        return 0.2 + 0.5 * u[..., 0], 0.5 + u[..., 1]
-
-    def draw(rng: np.random.Generator, u: FloatArray) -> FloatArray:
-        load, cost = parts(u)
+    def draw(rng: np.random.Generator, a: FloatArray, b: FloatArray) -> FloatArray:
+        load = 0.2 + 0.5 * a
         number = rng.geometric(1 - load) - 1.0
         total = np.zeros(load.shape)
         for _ in range(arrivals):
             total += number
             services = rng.geometric(load / (1 + load)) - 1
             number = np.maximum(number + 1 - services, 0)
-        return cost * total / arrivals
+        return (0.5 + b) * total / arrivals
 
     return NoisyModel(
         2,
-        lambda u: parts(u)[1] * parts(u)[0] / (1 - parts(u)[0]),
-        lambda u: parts(u)[1] ** 2 * np.exp(series(parts(u)[0])),
+        lambda a, b: (0.5 + b) * (0.2 + 0.5 * a) / (1 - (0.2 + 0.5 * a)),
+        lambda a, b: (0.5 + b) ** 2 * np.exp(series(0.2 + 0.5 * a)),
         draw,
     )
 
 
-MODELS = {
-    "light toy": _light_toy,
-    "g-function": _g_function,
+_A, _B = 2 * math.sqrt(3), 2 * 22.5**0.25
+MODELS: dict[str, Callable[[], NoisyModel]] = {
+    # Shares 0.25, 0.5, and 0.25 of the noise; the third input is idle.
+    "light toy": lambda: _gaussian(
+        lambda a, b, c: _A * a + (_B * (b - 0.5)) ** 2, lambda a, b, c: np.ones(a.shape)
+    ),
+    "g-function": lambda: _gaussian(
+        lambda a, b, c: (
+            np.abs(4 * a - 2) * ((np.abs(4 * b - 2) + 1) / 2) * ((np.abs(4 * c - 2) + 9) / 10)
+        ),
+        lambda a, b, c: 0.3 + 0.9 * c,
+    ),
     "compound Poisson": _compound_poisson,
-    "Ishigami": _ishigami,
+    "Ishigami": lambda: _gaussian(
+        lambda *u: (
+            Ishigami()
+            .evaluate({f"x{k}": np.pi * (2 * each - 1) for k, each in enumerate(u, 1)})
+            .outputs["y"]
+        ),
+        lambda a, b, c: 1 + 2 * a,
+    ),
     "Brownian": _brownian,
     "Galton-Watson": _galton_watson,
     "event": _event,
@@ -370,19 +359,11 @@ def _estimates(of: NoisyModel, rng: np.random.Generator, size: str) -> Iterator[
 @lru_cache
 def study(inputs: int) -> ValidatedStudy:
     """Return a study of uniform inputs; its runs get the outputs of another model."""
-    names = [f"x{number}" for number in range(inputs)]
-    folder = Path(tempfile.mkdtemp())
-    source = f"def f({', '.join(names)}):\n    return {{'y': 0 * x0}}\n"
-    (folder / "zero.py").write_text(source)
-    lines_of_study = [
-        "seed = 1",
-        '[model]\npython = "zero.py:f"\nvectorized = true\noutputs = { y = "1" }\n[model.inputs]',
-        *(f'{name} = "1"' for name in names),
-        "[inputs]",
-        *(f"{name} = {{ uniform = {{ lower = 0, upper = 1 }} }}" for name in names),
-        '[designs.runs]\nkind = "monte-carlo"\nruns = 10',
-    ]
-    return uqpen.parse_study("\n".join(lines_of_study), folder=folder)
+    laws = {f"x{number}": uqpen.Uniform(0, 1) for number in range(inputs)}
+    model = uqpen.PythonModel(
+        lambda **x: {"y": 0 * x["x0"]}, dict.fromkeys(laws, "1"), {"y": "1"}, vectorized=True
+    )
+    return uqpen.Study(model, laws, designs={"runs": uqpen.MonteCarlo(10)}, seed=1)
 
 
 def _surrogate_estimates(
@@ -519,75 +500,52 @@ def _of_input(found: Estimate, column: int) -> Estimate:
     return Estimate(*(np.asarray(each)[:, column] for each in vars(found).values()))
 
 
-def _cells(rows: Sequence[Row]) -> dict[tuple[Any, ...], Any]:
-    return totals(rows, "model", "design", "statistic")
-
-
-def _points(design: str) -> int:
-    if design.startswith("saltelli"):
-        return int(DESIGNS[design])
-    return math.prod(int(each) for each in (DESIGNS | SURROGATES)[design].split(" × ")[:-1])
+def _cells(rows: Sequence[Row]) -> list[SimpleNamespace]:
+    return [*totals(rows, "model", "design", "statistic").values()]
 
 
 def _failing(rows: Sequence[Row]) -> Iterator[str]:
-    for (name, design, statistic), cell in _cells(rows).items():
+    for cell in _cells(rows):
         # A heavy tail is noted, or has no interval.
-        is_judged = _points(design) >= ENOUGH_POINTS and model(name).kurtosis <= DOUBTFUL_KURTOSIS
-        is_judged &= not design.startswith(PROCESS)
+        size = (DESIGNS | SURROGATES)[cell.design].split(" × ")
+        points = math.prod(map(int, size[:-1] if size[1:] else size))
+        is_judged = points >= ENOUGH_POINTS and model(cell.model).kurtosis <= DOUBTFUL_KURTOSIS
+        is_judged &= not cell.design.startswith(PROCESS)
         if is_judged and cell.intervals >= FEWEST and cell.covers < LOWEST * cell.intervals:
-            yield f"{name}, {design}, {statistic}: {per_cent(cell.covers, cell.intervals)}"
+            share = per_cent(cell.covers, cell.intervals)
+            yield f"{cell.model}, {cell.design}, {cell.statistic}: {share}"
 
 
 def _page(rows: Sequence[Row]) -> Iterator[str]:
     """Lowest and highest coverage over the inputs of an index, by model and design."""
-    rows = [row for row in rows if row["design"] in DESIGNS]
-    if not rows:
-        return
-    cells = _cells(rows)
-    designs = [each for each in DESIGNS if any(row["design"] == each for row in rows)]
-    statistics = dict.fromkeys(key[2].split()[0] for key in cells)
-    for statistic in statistics:
-        table = []
-        for name in MODELS:
-            row = [f"{name} ({model(name).truth.noise_share:.2f}, {model(name).kurtosis:.1f})"]
-            for design in designs:
-                own = [
-                    cell
-                    for key, cell in cells.items()
-                    if key[:2] == (name, design) and key[2].split()[0] == statistic
-                ]
-                row.append(_text(own))
-            table.append(row)
-        yield from lines([statistic, *designs], table)
+    cells = _cells([row for row in rows if row["design"] in DESIGNS])
+    seeds = {cell.design: cell.count for cell in cells}
+    for statistic in dict.fromkeys(cell.statistic.split()[0] for cell in cells):
+        own = [cell for cell in cells if cell.statistic.split()[0] == statistic]
+        yield from cross_table(own, statistic, _title, attrgetter("design"), _text, seeds)
         yield ""
-    seeds = {design: max(c.count for k, c in cells.items() if k[1] == design) for design in designs}
-    yield f"Seeds: {', '.join(f'{count} of {design}' for design, count in seeds.items())}."
+    if seeds:
+        yield f"Seeds: {', '.join(f'{count} of {design}' for design, count in seeds.items())}."
+
+
+def _title(cell: SimpleNamespace) -> str:
+    of = model(cell.model)
+    return f"{cell.model} ({of.truth.noise_share:.2f}, {of.kurtosis:.1f})"
 
 
 def _surrogates_page(rows: Sequence[Row]) -> Iterator[str]:
     """Coverage of corrected estimates by statistic, and of predictions by noise."""
+    # The inputs of an index are in one column, and so are the thirds of the runs.
+    ending = re.compile(r"( \d|, least|, middle|, most)$")
     cells = _cells([row for row in rows if row["design"] in SURROGATES])
-    for design in dict.fromkeys(key[1] for key in cells):
-        # The inputs of an index are in one column, and so are the thirds of the runs.
-        ending = re.compile(r"( \d|, least|, middle|, most)$")
-        own = {key: cell for key, cell in cells.items() if key[1] == design}
-        columns = {key[2]: ending.sub("", key[2]) for key in own}
-        heads = [*dict.fromkeys(columns.values())]
-        table = [
-            [
-                name,
-                *(
-                    _text([c for k, c in own.items() if k[0] == name and columns[k[2]] == head])
-                    for head in heads
-                ),
-            ]
-            for name in MODELS
-            if any(key[0] == name for key in own)
-        ]
-        yield from lines([design, *heads], table)
+    for design in dict.fromkeys(cell.design for cell in cells):
+        own = [cell for cell in cells if cell.design == design]
+        yield from cross_table(
+            own, design, attrgetter("model"), lambda cell: ending.sub("", cell.statistic), _text
+        )
         yield ""
     if cells:
-        yield f"Seeds: {max(cell.count for cell in cells.values())} of each."
+        yield f"Seeds: {max(cell.count for cell in cells)} of each."
 
 
 def _text(cells: Sequence[Any]) -> str:

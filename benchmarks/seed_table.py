@@ -236,6 +236,23 @@ def table(cells: Iterable[Any], columns: Columns) -> Iterator[str]:
         yield from lines(columns, found)
 
 
+def cross_table(
+    cells: Iterable[Any],
+    corner: str,
+    row: Callable[[Any], str],
+    column: Callable[[Any], str],
+    text: Callable[[Sequence[Any]], str],
+    columns: Iterable[str] = (),
+) -> Iterator[str]:
+    """Yield a table in Markdown with a text of the cells of each row and column, as they come."""
+    found: dict[str, dict[str, list[Any]]] = {}
+    for cell in cells:
+        found.setdefault(row(cell), {}).setdefault(column(cell), []).append(cell)
+    columns = dict.fromkeys([*columns, *(each for of in found.values() for each in of)])
+    rows = ([name, *(text(of.get(each, ())) for each in columns)] for name, of in found.items())
+    yield from lines([corner, *columns], rows)
+
+
 def summed(columns: Columns, *keys: str) -> Callable[[Sequence[Row]], Iterator[str]]:
     """Return the table of what is added up for each case."""
     return lambda rows: table(totals(rows, *keys).values(), columns)

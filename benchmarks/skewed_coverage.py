@@ -13,12 +13,13 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from itertools import islice
+from operator import attrgetter
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import integrate, special
-from seed_table import FEWEST, LOWEST, Row, SeedTable, lines, per_cent, totals
+from seed_table import FEWEST, LOWEST, Row, SeedTable, cross_table, per_cent, totals
 
 from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import NOTE
@@ -195,23 +196,20 @@ def _failing(rows: Sequence[Row]) -> Iterator[str]:
 
 
 def _page(rows: Sequence[Row]) -> Iterator[str]:
-    cells = _cells(rows)
-    designs = [name for name in DESIGNS if any(row["design"] == name for row in rows)]
+    cells = _cells(rows).values()
     for statistic, title in STATISTICS.items():
-        of = (
-            [each, *(_text(cells.get((statistic, each, d))) for d in designs)] for each in FUNCTIONS
-        )
-        yield from lines([title, *designs], of)
+        own = [cell for cell in cells if cell.statistic == statistic]
+        yield from cross_table(own, title, attrgetter("function"), attrgetter("design"), _text)
         yield ""
-    seeds = {design: cells["mean", next(iter(FUNCTIONS)), design].count for design in designs}
+    seeds = {cell.design: cell.count for cell in cells}
     yield f"Seeds: {', '.join(f'{count} for {design}' for design, count in seeds.items())}."
 
 
-def _text(cell: SimpleNamespace | None) -> str:
+def _text(cells: Sequence[SimpleNamespace]) -> str:
     """Coverage in per cent: of intervals without a note, and of those with one in brackets."""
-    if cell is None:
+    if not cells:
         return "–"
-    texts = []
+    (cell,), texts = cells, []
     for found, covers, form in (
         (cell.plain, cell.plain_covers, "{}"),
         (cell.noted, cell.noted_covers, "({})"),
