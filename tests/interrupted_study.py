@@ -41,16 +41,22 @@ STUDY = study_text(
 
 
 class Interrupted(Progress):
-    """Stops, as Ctrl-C would, at a number of batches; it counts the runs that are taken again."""
+    """Stops, as Ctrl-C would, at a number of batches; it counts runs and notes warnings."""
 
-    def __init__(self, batches: int) -> None:
+    def __init__(self, batches: int = 0) -> None:
         self.left = batches
         self.restored = 0
+        self.made = 0
+        self.warnings = list[str]()
 
     def count_restored(self, runs: int) -> None:
         self.restored += runs
 
+    def warn(self, text: str) -> None:
+        self.warnings.append(text)
+
     def advance(self, runs: int, failed: int, in_progress: int) -> None:
+        self.made += runs
         self.left -= 1
         if not self.left:
             raise KeyboardInterrupt

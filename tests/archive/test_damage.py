@@ -6,6 +6,7 @@ from pathlib import Path
 import netCDF4
 import numpy as np
 import pytest
+from study_text import study_text
 
 import uqpen
 from uqpen.archive.estimates import interval_text
@@ -15,41 +16,19 @@ from uqpen.core.errors import ArchiveError
 from uqpen.results.long_table import long_table
 from uqpen.results.source_statistics import SourceStatistics
 
-INPUTS = """
-[inputs]
-x1 = { uniform = { lower = -3, upper = 3 } }
-x2 = { uniform = { lower = -3, upper = 3 } }
-x3 = 1
-[outputs.y]
-exceeds = [5]
-hold = [0.95]
-[designs.first]
-kind = "monte-carlo"
-runs = 30
-"""
-SEVERAL = f"""
-seed = 1
-[models.one]
-use = "ishigami"
-[models.other]
-use = "ishigami"
-with = {{ x3 = 0.5 }}
-{INPUTS}
-[designs.second]
-kind = "latin-hypercube"
-runs = 30
-[surrogates.chaos]
-kind = "polynomial-chaos"
-design = "first"
-order = 2
-"""
+ASKED = {
+    "inputs": {"x1": (-3, 3), "x2": (-3, 3), "x3": 1},
+    "outputs": {"y": {"exceeds": [5], "hold": [0.95]}},
+}
+FIRST_DESIGN = {"first": {"kind": "monte-carlo", "runs": 30}}
+SEVERAL = study_text(
+    **ASKED,
+    models={"one": {"use": "ishigami"}, "other": {"use": "ishigami", "with": {"x3": 0.5}}},
+    designs={**FIRST_DESIGN, "second": {"kind": "latin-hypercube", "runs": 30}},
+    surrogates={"chaos": {"kind": "polynomial-chaos", "design": "first", "order": 2}},
+)
 # It is opened in a quarter of the time.
-SINGLE = f"""
-seed = 1
-[model]
-use = "ishigami"
-{INPUTS}
-"""
+SINGLE = study_text("ishigami", **ASKED, designs=FIRST_DESIGN)
 
 
 @pytest.fixture(scope="module")
@@ -123,6 +102,7 @@ def replaced(group, name, kind, dims):
 
 
 Y = "statistics/first/y"
+NO_INTERVAL = f"/{Y}: quantile: does not say how its interval was made"
 OF_ONE_MODEL = {
     "names of bounds": (
         filled(f"{Y}/bound", 1, "least"),
@@ -164,31 +144,31 @@ OF_ONE_MODEL = {
     "ranks": (drop(Y, "rank"), "/statistics/first/y: no rank to tell its entries apart"),
     "a code that is in no table": (
         filled(f"{Y}/quantile_interval", 0, 100),
-        "/statistics/first/y: quantile: does not say how its interval was made",
+        NO_INTERVAL,
     ),
     "a code below zero": (
         filled(f"{Y}/quantile_interval", 0, -1),
-        "/statistics/first/y: quantile: does not say how its interval was made",
+        NO_INTERVAL,
     ),
     "codes that are no whole numbers": (
         replaced(Y, "quantile_interval", "f8", ("probability",)),
-        "/statistics/first/y: quantile: does not say how its interval was made",
+        NO_INTERVAL,
     ),
     "codes along another dimension": (
         replaced(Y, "quantile_interval", "i1", ("content",)),
-        "/statistics/first/y: quantile: does not say how its interval was made",
+        NO_INTERVAL,
     ),
     "a table of another length": (
         reported(f"{Y}/quantile_interval", "flag_note", ["one", "two", "three", "four", "five"]),
-        "/statistics/first/y: quantile: does not say how its interval was made",
+        NO_INTERVAL,
     ),
     "a table of numbers": (
         reported(f"{Y}/quantile_interval", "flag_interval", np.arange(3)),
-        "/statistics/first/y: quantile: does not say how its interval was made",
+        NO_INTERVAL,
     ),
     "no table": (
         lambda root: root[f"{Y}/quantile_interval"].delncattr("flag_interval_label"),
-        "/statistics/first/y: quantile: does not say how its interval was made",
+        NO_INTERVAL,
     ),
     "unit": (
         reported("runs/first/y", "display_units", "m^^"),

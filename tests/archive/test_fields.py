@@ -114,24 +114,6 @@ def test_a_difference_names_its_place(archive):
     assert found[0].endswith("; 1 run differs")
 
 
-def _without_coordinates(runs):
-    return runs.drop_vars("time")
-
-
-def _backwards(runs):
-    return runs.isel(time=slice(None, None, -1))
-
-
-def _transposed(runs):
-    return runs.assign(curve=runs["curve"].transpose("time", RUN))
-
-
-def _without_units(runs):
-    changed = runs.copy()
-    changed["time"].attrs = {}
-    return changed
-
-
 def _of_texts(runs):
     texts = runs["curve"].astype(str).astype(object)
     return runs.assign(curve=texts.assign_attrs(runs["curve"].attrs))
@@ -140,10 +122,16 @@ def _of_texts(runs):
 @pytest.mark.parametrize(
     ("damage", "fault"),
     [
-        (_without_coordinates, "no coordinates along time"),
-        (_backwards, "coordinates along time that do not ascend"),
-        (_transposed, "curve does not lie along run and its own dimensions"),
-        (_without_units, "no units of time"),
+        (lambda runs: runs.drop_vars("time"), "no coordinates along time"),
+        (lambda runs: runs.isel(time=[2, 1, 0]), "coordinates along time that do not ascend"),
+        (
+            lambda runs: runs.assign(curve=runs["curve"].transpose("time", RUN)),
+            "curve does not lie along run and its own dimensions",
+        ),
+        (
+            lambda runs: runs.assign_coords(time=runs["time"].drop_attrs()),
+            "no units of time",
+        ),
         (_of_texts, "curve is not of numbers"),
     ],
 )

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from study_text import study_text
 
 import uqpen
 from uqpen.archive.groups import DESIGN_GROUPS, GROUPS, group_place, innermost_groups
@@ -10,27 +11,13 @@ from uqpen.core.lookup import resolve
 
 DOCS = (Path(__file__).parents[2] / "docs" / "archive.md").read_text(encoding="utf-8")
 
-STUDY = """
-seed = 1
-[models.fine]
-use = "ishigami"
-[models.coarse]
-use = "ishigami"
-with = { x3 = 0.5 }
-[inputs]
-x1 = { uniform = { lower = -3, upper = 3 } }
-x2 = { uniform = { lower = -3, upper = 3 } }
-x3 = 1
-[joint_probabilities]
-both = ["y > 1", "y < 2"]
-[designs.first]
-kind = "monte-carlo"
-runs = 30
-[surrogates.chaos]
-kind = "polynomial-chaos"
-design = "first"
-order = 2
-"""
+STUDY = study_text(
+    models={"fine": {"use": "ishigami"}, "coarse": {"use": "ishigami", "with": {"x3": 0.5}}},
+    inputs={"x1": (-3, 3), "x2": (-3, 3), "x3": 1},
+    designs={"first": {"kind": "monte-carlo", "runs": 30}},
+    surrogates={"chaos": {"kind": "polynomial-chaos", "design": "first", "order": 2}},
+)
+STUDY += '[joint_probabilities]\nboth = ["y > 1", "y < 2"]'
 
 
 @pytest.mark.parametrize("name", GROUPS)

@@ -12,7 +12,6 @@ import netCDF4
 import numpy as np
 import pytest
 
-import uqpen
 from uqpen.archive.hashes import append_checksum, is_broken
 from uqpen.archive.read import is_archive, open_archive
 from uqpen.core.errors import ArchiveError
@@ -147,27 +146,10 @@ def test_any_changed_byte_is_read_or_refused(tmp_path):
     data = path.read_bytes()
     random = np.random.default_rng(1)
     refused = 0
-    for at in random.integers(len(data), size=1500).tolist():
+    for at in random.integers(len(data), size=1000).tolist():
         changed = bytearray(data)
         changed[at] = random.integers(256)
         changed[min(at + 1, len(data) - 1)] = random.choice([0, changed[at], 255])
         path.write_bytes(changed)
         refused += find_refusal(path) is not None
     assert refused > 100
-
-
-def test_what_uqpen_writes_is_not_refused(tmp_path):
-    study = """
-    seed = 1
-    [model]
-    use = "ishigami"
-    [inputs]
-    x1 = { uniform = { lower = -3, upper = 3 } }
-    x2 = 1
-    x3 = 1
-    [designs.mc]
-    kind = "monte-carlo"
-    runs = 10
-    """
-    uqpen.write(uqpen.run(uqpen.parse_study(study)), tmp_path / "study.nc")
-    assert find_refusal(tmp_path / "study.nc") is None

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from study_text import study_text
 
 import uqpen
 from uqpen.benchmark.compare import compare
@@ -18,29 +19,20 @@ pytestmark = pytest.mark.slow
 
 HERE = Path(__file__).parent
 
-STUDY = """
-seed = 3
-[model]
-python = "functions.py:{function}"
-vectorized = true
-[model.inputs]
-a = "1"
-b = "1"
-c = "1"
-[model.outputs]
-y = "1"
-[inputs]
-a = {{ uniform = {{ lower = 0, upper = 1 }} }}
-b = {{ uniform = {{ lower = 0, upper = 1 }} }}
-c = {{ uniform = {{ lower = 0, upper = 1 }} }}
-[designs.latin_hypercube]
-kind = "latin-hypercube"
-runs = 64
-replicates = 1
-[designs.sobol_sequence]
-kind = "sobol-sequence"
-runs = 64
-"""
+STUDY = study_text(
+    {
+        "python": "functions.py:FUNCTION",
+        "vectorized": True,
+        "inputs": dict.fromkeys("abc", "1"),
+        "outputs": {"y": "1"},
+    },
+    seed=3,
+    inputs=dict.fromkeys("abc", (0, 1)),
+    designs={
+        "latin_hypercube": {"kind": "latin-hypercube", "runs": 64, "replicates": 1},
+        "sobol_sequence": {"kind": "sobol-sequence", "runs": 64},
+    },
+)
 PCE = """
 [surrogates.pce]
 kind = "polynomial-chaos"
@@ -50,7 +42,7 @@ order = 3
 
 
 def study(function, more=""):
-    return uqpen.parse_study(STUDY.format(function=function) + more, folder=HERE)
+    return uqpen.parse_study(STUDY.replace("FUNCTION", function) + more, folder=HERE)
 
 
 @cache
@@ -140,7 +132,7 @@ class TestNumbers:
 
 class TestRefusals:
     def test_a_single_method(self):
-        text = STUDY.format(function="step").partition("[designs.sobol")[0]
+        text = STUDY.replace("FUNCTION", "step").partition("[designs.sobol")[0]
         alone = uqpen.parse_study(text, folder=HERE)
         complaint = "designs: found only latin_hypercube that can be scaled .* at least two"
         with pytest.raises(SettingsError, match=complaint):

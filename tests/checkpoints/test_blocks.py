@@ -4,12 +4,12 @@ from itertools import islice
 
 import numpy as np
 import pytest
+from interrupted_study import Interrupted
 from study_text import study_text
 
 import uqpen
 from uqpen.checkpoints.stored_runs import FinishedRuns, read_runs, write_runs
 from uqpen.core.errors import CheckpointError
-from uqpen.execution import Progress
 from uqpen.execution.processes import processes
 
 pytestmark = [pytest.mark.processor, pytest.mark.slow]
@@ -73,24 +73,6 @@ def make(folder, **options):
     return (folder / "study.nc").read_bytes()
 
 
-class Interrupted(Progress):
-    """Stops, as Ctrl-C would, after a number of batches; notes the runs of an earlier start."""
-
-    def __init__(self, batches=0):
-        self.left = batches
-        self.before = []
-        self.runs = 0
-
-    def count_restored(self, runs):
-        self.before.append(runs)
-
-    def advance(self, runs, failed, in_progress):
-        self.runs += runs
-        self.left -= 1
-        if not self.left:
-            raise KeyboardInterrupt
-
-
 def parts(folder):
     return [read_runs(file) for file in sorted(folder.glob("study.nc.parts/runs/one/*.npz"))]
 
@@ -118,13 +100,12 @@ def test_an_interruption_changes_no_byte(folder, whole, blocks_of, batches, size
     stopped = Interrupted(batches)
     with pytest.raises(KeyboardInterrupt) as interrupted:
         make(folder, map=map, progress=stopped)
-    assert str(interrupted.value).startswith(f"{stopped.runs} runs are kept")
+    assert str(interrupted.value).startswith(f"{stopped.made} runs are kept")
     for part in parts(folder):
         assert part.runs[0] // size == part.runs[-1] // size, "a file has runs of one block"
     reported = Interrupted()
     assert make(folder, progress=reported) == whole
-    assert reported.before == [stopped.runs]
-    assert reported.runs == 4_500 - stopped.runs
+    assert reported.restored == stopped.made == 4_500 - reported.made
 
 
 def test_runs_that_were_kept_without_blocks_are_restored(folder, whole, blocks_of):
@@ -135,7 +116,7 @@ def test_runs_that_were_kept_without_blocks_are_restored(folder, whole, blocks_o
     assert (part.runs[0], part.runs[-1]) == (0, 4_095)
     reported = Interrupted()
     assert make(folder, progress=reported) == whole
-    assert reported.before == [4_096]
+    assert reported.restored == 4_096
 
 
 def test_other_points_of_a_later_block_are_refused(folder, blocks_of):

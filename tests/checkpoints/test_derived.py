@@ -37,7 +37,6 @@ CROSSING = '[outputs.crossing]\nof = "curve"\ntake = "first_above"\nthreshold = 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     monkeypatch.setattr("uqpen.execution.evaluation.WORTH_SENDING", 0.0)
-    monkeypatch.setattr("uqpen.checkpoints.folder._PATIENCE", 0.0)
     (tmp_path / "model.py").write_text(MODEL)
     return tmp_path
 

@@ -44,14 +44,9 @@ STUDY = study_text(
 )
 
 
-@pytest.fixture(autouse=True)
-def _each_run_is_kept(monkeypatch):
-    monkeypatch.setattr("uqpen.execution.evaluation.WORTH_SENDING", 0.0)
-    monkeypatch.setattr("uqpen.checkpoints.folder._PATIENCE", 0.0)
-
-
 @pytest.fixture
-def folder(tmp_path):
+def folder(tmp_path, monkeypatch):
+    monkeypatch.setattr("uqpen.execution.evaluation.WORTH_SENDING", 0.0)
     (tmp_path / "model.py").write_text(MODEL)
     (tmp_path / "study.toml").write_text(STUDY)
     return tmp_path
@@ -83,7 +78,6 @@ def test_interrupted_or_on_two_processes_it_has_the_same_bytes(folder):
 
 
 def test_large_parts_are_written_as_they_come(folder, monkeypatch):
-    monkeypatch.setattr("uqpen.checkpoints.folder._PATIENCE", np.inf)
     bytes_of_a_run = 8 * (3 + 4)
     monkeypatch.setattr("uqpen.checkpoints.stored_runs._MOST_BYTES", 5 * bytes_of_a_run)
     (folder / "stop").touch()

@@ -3,6 +3,7 @@
 import pytest
 import xarray as xr
 from click.testing import CliRunner
+from interrupted_study import Interrupted
 
 import uqpen
 from uqpen.archive.write import write
@@ -11,7 +12,7 @@ from uqpen.cli.export import export
 from uqpen.cli.show import report, show
 from uqpen.core.errors import CheckpointError, StudyError
 from uqpen.core.labels import BATCH_HASH
-from uqpen.execution import Progress, run_count, status_counts
+from uqpen.execution import run_count, status_counts
 from uqpen.execution.omitted_runs import are_omitted, batch_hashes
 from uqpen.results.failed_runs import failed_runs
 from uqpen.study.load import parse_study
@@ -93,14 +94,14 @@ class TestArchive:
     @pytest.mark.parametrize("limit", [1_000, 10_000])
     def test_bytes_are_the_same_through_files_and_after_an_interruption(self, made, limit):
         with pytest.raises(KeyboardInterrupt):
-            make(made, STUDY, "again.nc", runs_in_memory=limit, progress=_Interrupted())
+            make(made, STUDY, "again.nc", runs_in_memory=limit, progress=Interrupted(1))
         assert (
             make(made, STUDY, "again.nc", runs_in_memory=limit) == (made / "study.nc").read_bytes()
         )
 
     def test_runs_of_an_interrupted_start_serve_either_setting(self, made):
         with pytest.raises(KeyboardInterrupt):
-            make(made, ALL_KEPT, "changed.nc", progress=_Interrupted())
+            make(made, ALL_KEPT, "changed.nc", progress=Interrupted(1))
         assert make(made, STUDY, "changed.nc") == (made / "study.nc").read_bytes()
 
 
@@ -160,10 +161,3 @@ class TestMistakes:
         text = STUDY.replace(rule, 'accept = "P(z > 1 m) < 0.5"\nat_most = 2_000\nkeep')
         with pytest.raises(StudyError, match='"runs" beside accept'):
             parse_study(text, folder=made)
-
-
-class _Interrupted(Progress):
-    """Stops, as Ctrl-C would, after the first batch."""
-
-    def advance(self, runs, failed, in_progress):
-        raise KeyboardInterrupt

@@ -4,7 +4,6 @@ import json
 import os
 import platform
 import shutil
-import signal
 import subprocess
 import sys
 import time
@@ -664,22 +663,3 @@ def test_eight_workers_in_any_order_write_the_same_bytes(folder):
     expected = make(folder)
     with processes(8) as pool:
         assert make(folder, map=pool, fresh=True) == expected
-
-
-def test_what_is_signalled_is_not_lost(folder):
-    """A study that is ended by the system, as a cluster does when the time is up."""
-    pause = "    if (here / 'slow').exists(): import time; time.sleep(0.02)"
-    change(folder, "    if x > 1:", f"{pause}\n    if x > 1:", "model.py")
-    expected = make(folder)
-    (folder / "study.nc").unlink()
-    (folder / "calls").unlink()
-    (folder / "slow").touch()
-    line = [sys.executable, "-m", "uqpen", "study", "study.toml", "-o", "study.nc"]
-    with subprocess.Popen(line, cwd=folder, stderr=subprocess.PIPE) as process:
-        while not (folder / "calls").exists() or calls(folder) < 10:
-            time.sleep(0.01)
-        process.send_signal(signal.SIGTERM)
-        process.communicate()
-    (folder / "slow").unlink()
-    assert (folder / "study.nc.parts").exists()
-    assert make(folder) == expected

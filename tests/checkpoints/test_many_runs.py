@@ -10,6 +10,8 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
+from interrupted_study import Interrupted
+from study_text import study_text
 
 import uqpen
 from uqpen.archive.hashes import group_hashes
@@ -40,22 +42,19 @@ import numpy as np
 def simulate(x, y):
     return {"z": np.where(x > 2.2, np.nan, x * y)}
 """
-STUDY = """\
-title = "Many runs"
-seed = 11
-[model]
-python = "model.py:simulate"
-vectorized = true
-inputs = { x = "1", y = "m", length = "m" }
-outputs = { z = "m" }
-[inputs]
-x = "0 ± 1"
-y = "(0 ± 1) m"
-length = "2 m"
-[designs.one]
-kind = "monte-carlo"
-runs = 4_500
-"""
+STUDY = study_text(
+    {
+        "python": "model.py:simulate",
+        "vectorized": True,
+        "inputs": {"x": "1", "y": "m", "length": "m"},
+        "outputs": {"z": "m"},
+    },
+    seed=11,
+    sensitivity=False,
+    convergence=False,
+    inputs={"x": "0 ± 1", "y": "(0 ± 1) m", "length": "2 m"},
+    designs={"one": {"kind": "monte-carlo", "runs": 4_500}},
+)
 BLOCK = 1_500
 LIMIT = 2_000
 
@@ -63,13 +62,8 @@ LIMIT = 2_000
 @pytest.fixture(autouse=True)
 def small_blocks(monkeypatch):
     """Make blocks small, where they are no matter of random streams."""
-    for module in (
-        "archive.lazy_variables",
-        "core.blocks",
-        "execution.open_blocks",
-        "designs.rounds",
-        "checkpoints.folder",
-    ):
+    execution = ("core.blocks", "execution.open_blocks", "designs.rounds", "checkpoints.folder")
+    for module in ("archive.lazy_variables", *execution):
         monkeypatch.setattr(f"uqpen.{module}.BLOCK", BLOCK)
 
 
@@ -121,28 +115,6 @@ def assert_same(found, expected):
         assert found.variables[name].to_base_variable().identical(variable.to_base_variable())
 
 
-class Interrupted(Progress):
-    """Stops, as Ctrl-C would, after a number of batches; notes what is reported."""
-
-    def __init__(self, batches=0):
-        self.left = batches
-        self.restored = []
-        self.warnings = []
-        self.made = 0
-
-    def count_restored(self, runs):
-        self.restored.append(runs)
-
-    def warn(self, text):
-        self.warnings.append(text)
-
-    def advance(self, runs, failed, in_progress):
-        self.made += runs
-        self.left -= 1
-        if not self.left:
-            raise KeyboardInterrupt
-
-
 def killed_after(folder, batches):
     """Stop after a number of batches, as a kill would; return the folder of what is kept."""
     with pytest.raises(KeyboardInterrupt):
@@ -191,7 +163,7 @@ def test_a_kill_costs_one_block_at_the_most(folder, expected):
     assert sorted(file.name for file in kept.iterdir()) == names
     again = Interrupted()
     assert_same(runs(folder, progress=again), expected)
-    assert again.restored == [2 * BLOCK]
+    assert again.restored == 2 * BLOCK
 
 
 def test_a_block_that_was_being_written_is_made_again(folder, expected):
@@ -218,12 +190,12 @@ def test_failed_runs_of_blocks_are_made_again_where_asked(folder, expected):
     killed_after(folder, 4)
     again = Interrupted()
     assert_same(runs(folder, progress=again, lost_again=True), expected)
-    assert 0 < again.restored[0] < 2 * BLOCK
+    assert 0 < again.restored < 2 * BLOCK
 
 
 def test_blocks_of_a_changed_design_are_not_lost_without_a_word(folder):
     killed_after(folder, 4)
-    (folder / "study.toml").write_text(STUDY.replace("4_500", "5_000"))
+    (folder / "study.toml").write_text(STUDY.replace("4500", "5000"))
     with pytest.raises(CheckpointError, match="runs"):
         runs(folder)
 
@@ -235,7 +207,7 @@ def test_a_model_without_known_versions_keeps_runs_for_one_start_alone(
     killed_after(folder, 4)
     again = Interrupted()
     assert_same(runs(folder, progress=again), expected)
-    assert (again.restored, again.made) == ([], 4_500)
+    assert (again.restored, again.made) == (0, 4_500)
 
 
 ROUNDS = """\
@@ -247,7 +219,7 @@ at_most = 8_192
 @pytest.fixture
 def rounds_folder(folder):
     """Rounds of 512, 512, 1 024, 2 048 and 4 096 runs: the last two go by blocks."""
-    (folder / "study.toml").write_text(STUDY.replace("runs = 4_500\n", ROUNDS))
+    (folder / "study.toml").write_text(STUDY.replace("runs = 4500\n", ROUNDS))
     return folder
 
 
@@ -277,7 +249,7 @@ def test_a_kill_in_a_later_round_costs_one_block_at_the_most(rounds_folder):
     killed_after(rounds_folder, 9)  # in the last round; the file of the one before is still open
     again = Interrupted()
     found = runs(rounds_folder, progress=again)
-    assert again.restored[-2:] == [2_048, 2 * BLOCK]
+    assert again.restored == 512 + 2_048 + 2 * BLOCK
     assert_same(found, runs(rounds_folder))
 
 

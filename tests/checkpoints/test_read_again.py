@@ -3,6 +3,7 @@
 import sys
 
 import pytest
+from study_text import study_text
 
 import uqpen
 from uqpen.core.errors import CheckpointError, FirstRunsFailedError, StudyError
@@ -102,11 +103,8 @@ def test_finished_runs_without_a_folder_are_not_thrown_away(folder):
 
 
 def test_only_programs_have_folders(tmp_path):
-    (tmp_path / "study.toml").write_text(
-        'seed = 1\n[model]\nuse = "ishigami"\n[inputs]\n'
-        + "".join(f"x{i} = {{ uniform = {{ lower = -3, upper = 3 }} }}\n" for i in (1, 2, 3))
-        + '[designs.some]\nkind = "monte-carlo"\nruns = 4\n'
-    )
-    study = uqpen.load_study(tmp_path / "study.toml")
+    design = {"some": {"kind": "monte-carlo", "runs": 4}}
+    inputs = dict.fromkeys(("x1", "x2", "x3"), (-3, 3))
+    study = uqpen.parse_study(study_text("ishigami", inputs=inputs, designs=design))
     with pytest.raises(StudyError, match="no model of the study keeps the folders of its runs"):
         uqpen.make_archive(study, tmp_path / "study.nc", read_again=True)

@@ -19,6 +19,8 @@ keep = ["x1 < 2"]
 """
 MONTE_CARLO = '[designs.d]\nkind = "monte-carlo"\n'
 HYPERCUBES = '[designs.d]\nkind = "latin-hypercube"\n'
+FACTORIAL = '[designs.d]\nkind = "full-factorial"\n'
+UNUSED = "earlier runs are not used"
 BLOCKS = '[designs.d]\nkind = "saltelli"\nreplicates = 2\n'
 
 
@@ -43,44 +45,40 @@ def reported(archive, study):
 @pytest.mark.parametrize(
     ("earlier", "now", "text"),
     [
-        (MONTE_CARLO + "runs = 30", MONTE_CARLO + "runs = 40", ""),
-        (BLOCKS + "base = 8", BLOCKS + "base = 16", ""),
+        (f"{MONTE_CARLO}runs = 30", f"{MONTE_CARLO}runs = 40", ""),
+        (f"{BLOCKS}base = 8", f"{BLOCKS}base = 16", ""),
+        (f"{MONTE_CARLO}runs = 30", f"{MONTE_CARLO}runs = 10", f"20 of its 30 {UNUSED}"),
         (
-            MONTE_CARLO + "runs = 30",
-            MONTE_CARLO + "runs = 10",
-            "d: 20 of its 30 earlier runs are not used",
+            f"{HYPERCUBES}runs = 40",
+            f"{HYPERCUBES}runs = 60",
+            f"40 of its 40 {UNUSED}; to use all of them: runs = 60, replicates = 15 (replicates "
+            "of 4 points)",
         ),
         (
-            HYPERCUBES + "runs = 40",
-            HYPERCUBES + "runs = 60",
-            "d: 40 of its 40 earlier runs are not used; to use all of them: runs = 60, "
-            "replicates = 15 (replicates of 4 points)",
+            f"{HYPERCUBES}runs = 40",
+            f"{MONTE_CARLO}runs = 60",
+            f"its 40 {UNUSED}: it is of another kind",
         ),
         (
-            HYPERCUBES + "runs = 40",
-            MONTE_CARLO + "runs = 60",
-            "d: its 40 earlier runs are not used: it is of another kind",
+            f"{MONTE_CARLO}runs = 30",
+            f"{MONTE_CARLO}runs = 30".replace("d]", "e]"),
+            f"its 30 {UNUSED}: the study has no design of this name",
         ),
         (
-            MONTE_CARLO + "runs = 30",
-            MONTE_CARLO.replace("d]", "e]") + "runs = 30",
-            "d: its 30 earlier runs are not used: the study has no design of this name",
+            f"{FACTORIAL}levels = 2",
+            f"{FACTORIAL}levels = 3",
+            "it is not known how many of its 8 earlier runs it uses",
         ),
         (
-            '[designs.d]\nkind = "full-factorial"\nlevels = 2',
-            '[designs.d]\nkind = "full-factorial"\nlevels = 3',
-            "d: it is not known how many of its 8 earlier runs it uses",
-        ),
-        (
-            MONTE_CARLO + "until = { y = { mean = 9 } }\nat_most = 4096",
-            MONTE_CARLO + "runs = 100",
-            "d: 412 of its 512 earlier runs are not used",
+            f"{MONTE_CARLO}until = {{ y = {{ mean = 9 }} }}\nat_most = 4096",
+            f"{MONTE_CARLO}runs = 100",
+            f"412 of its 512 {UNUSED}",
         ),
     ],
 )
 def test_runs_that_are_not_kept_are_reported(earlier, now, text):
     archive = uqpen.run(parse(earlier))
-    assert reported(archive, parse(now)) == ([text] if text else [])
+    assert reported(archive, parse(now)) == ([f"d: {text}"] if text else [])
 
 
 @pytest.mark.parametrize("change", [{"seed": 2}, {"upper": 2}], ids=str)

@@ -290,10 +290,6 @@ class TestSeveralModels:
         titles = {each.get_title(loc="left") for each in axes.values()}
         assert "Length of the projectile, L" in titles, "of all models, so it names none"
 
-    def test_there_is_no_figure_of_models_of_a_single_one(self, archives):
-        assert "models" not in available(archives["beam"])
-        assert "models" in available(archives["rods"])
-
 
 def test_a_tail_reaches_the_largest_run(study_of):
     text = '[outputs.y]\nexceeds = [12]\n[designs.some]\nkind = "monte-carlo"\nruns = 1000'

@@ -42,6 +42,11 @@ def _reported(tree, model=""):
     return _texts(answer(ArchiveView(tree, model)))
 
 
+def _reported_of_sum(study_of, text):
+    """What is said of a + b."""
+    return _reported(uqpen.run(study_of("a + b", text, a=(0.0, 1.0), b=(0.0, 2.0))))
+
+
 def _alerts(tree):
     """The kinds of the alerts, in their order."""
     (found,) = (each for each in answer(ArchiveView(tree, "")) if isinstance(each, Alerts))
@@ -132,7 +137,7 @@ def test_what_all_means_of_few_runs_have_in_common_is_said_once(study_of, runs, 
 
 def test_a_single_run_is_reported_in_the_singular(study_of):
     text = '[designs.some]\nkind = "monte-carlo"\nruns = 1'
-    reported = _reported(uqpen.run(study_of("a + b", text, a=(0.0, 1.0), b=(0.0, 2.0))))
+    reported = _reported_of_sum(study_of, text)
     assert reported[1].endswith("in the study: a single run of the model line.py:f.")
     assert "Did all runs succeed?: The only run completed." in reported
 
@@ -224,7 +229,7 @@ def test_of_several_models_the_differences_stand_first(archives):
 def test_what_a_design_cannot_tell_is_said(study_of, design, said):
     asked = '[outputs.y]\nhold = [0.99]\nexceeds = ["1", "2", "3"]'
     text = f"{asked}\n[designs.some]\n{DESIGNS[design]}"
-    reported = " ".join(_reported(uqpen.run(study_of("a + b", text, a=(0.0, 1.0), b=(0.0, 2.0)))))
+    reported = " ".join(_reported_of_sum(study_of, text))
     for each in said:
         assert each in reported
 
@@ -236,7 +241,7 @@ def test_every_entry_that_a_study_asks_for_is_stated(study_of):
         "return_periods = [50]"
     )
     text = f'{asked}\n[designs.some]\nkind = "monte-carlo"\nruns = 2000'
-    reported = " ".join(_reported(uqpen.run(study_of("a + b", text, a=(0.0, 1.0), b=(0.0, 2.0)))))
+    reported = " ".join(_reported_of_sum(study_of, text))
     for said in (
         "y above 1: In ",
         "y below 0.1: In ",
@@ -251,22 +256,16 @@ def test_every_entry_that_a_study_asks_for_is_stated(study_of):
         assert said in reported
 
 
-def test_only_some_of_many_outputs_have_sentences(tmp_path):
+def test_only_some_of_many_outputs_have_sentences():
     names = [f"y{number}" for number in range(8)]
-    results = ", ".join(f'"{name}": x' for name in names)
-    (tmp_path / "many.py").write_text(f"def f(x):\n    return {{{results}}}\n")
-    outputs = "\n".join(f'{name} = "1"' for name in names)
-    tree = uqpen.run(
-        uqpen.parse_study(
-            f'seed = 1\n[model]\npython = "many.py:f"\n[model.inputs]\nx = "1"\n'
-            f"[model.outputs]\n{outputs}\n"
-            "[inputs]\nx = { uniform = { lower = 0, upper = 1 } }\n"
-            '[outputs.y7]\nexceeds = ["0.5"]\n'
-            '[designs.some]\nkind = "monte-carlo"\nruns = 20',
-            folder=tmp_path,
-        )
+    study = uqpen.Study(
+        model=lambda x: dict.fromkeys(names, x),
+        inputs={"x": uqpen.Uniform(0, 1)},
+        outputs={**dict.fromkeys(names, "1"), "y7": uqpen.OutputSpec("1", exceeds=["0.5"])},
+        designs={"some": uqpen.MonteCarlo(runs=20)},
+        seed=1,
     )
-    reported = _reported(tree)
+    reported = _reported(uqpen.run(study))
     # What was asked comes first.
     assert reported[0].startswith("y7 above 0.5: In ")
     assert sum(text.startswith("The median of ") for text in reported) == 6

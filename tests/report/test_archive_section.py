@@ -32,16 +32,9 @@ def test_inputs_are_reported_as_run_and_as_written(archives):
         "Inputs, over the runs of only, failed ones included"
     ]
     loads = read_group(tree, "runs", "only")["load"].values / 1e3
+    drawn = [f"{np.median(loads):.4g}", f"{loads.min():.4g} … {loads.max():.4g}"]
     assert table.rows == [
-        (
-            "load [kN]",
-            [
-                "load",
-                f"{np.median(loads):.4g}",
-                f"{loads.min():.4g} … {loads.max():.4g}",
-                "uniform: (lower: 10 kN, upper: 20 kN)",
-            ],
-        ),
+        ("load [kN]", ["load", *drawn, "uniform: (lower: 10 kN, upper: 20 kN)"]),
         ("span [m]", ["span", "2.994", "2.804 … 3.256", "(3 ± 0.1) m"]),
     ]
 
@@ -49,29 +42,16 @@ def test_inputs_are_reported_as_run_and_as_written(archives):
 def test_designs_say_what_they_are_for(archives):
     table = _tables(archive(ArchiveView(archives["schema_1"], "")))["Designs"]
     assert table.columns == ["points", "runs", "completed", "replicates", "purpose"]
-    reported = {name: [cells[0], *cells[1:3], cells[-1]] for name, cells in table.rows}
-    assert reported == {
-        "monte_carlo": ["independent", "20", "19", "a sample of the inputs; checks chaos"],
-        "latin_hypercube": [
-            "stratified",
-            "40",
-            "40",
-            "a sample of the inputs, spread evenly; trains chaos",
-        ],
-        "blocks": [
-            "pick-freeze",
-            "40",
-            "40",
-            "Sobol' indices; two of its matrices are a sample of the inputs",
-        ],
-        "trajectories": [
-            "trajectories",
-            "20",
-            "20",
-            "a screening of the inputs by elementary effects; no sample",
-        ],
-        "steps": ["steps", "7", "7", "responses at the nominal point; no sample"],
-    }
+    reported = {name: [*map(cells.__getitem__, (0, 1, 2, -1))] for name, cells in table.rows}
+    expected = """\
+monte_carlo | independent | 20 | 19 | a sample of the inputs; checks chaos
+latin_hypercube | stratified | 40 | 40 | a sample of the inputs, spread evenly; trains chaos
+blocks | pick-freeze | 40 | 40 | Sobol' indices; two of its matrices are a sample of the inputs
+trajectories | trajectories | 20 | 20 | a screening of the inputs by elementary effects; no sample
+steps | steps | 7 | 7 | responses at the nominal point; no sample
+"""
+    rows = [line.split(" | ") for line in expected.splitlines()]
+    assert reported == {name: cells for name, *cells in rows}
 
 
 def test_what_made_it_is_reported_whole(archives):
@@ -102,17 +82,10 @@ def test_what_several_models_share_is_reported_once(archives):
     other = _tables(blocks)["Inputs, over the runs of monte_carlo, failed ones included"]
     assert other.rows[0] == ("x1", ["x1", "0.5", "–", "0.5"])
     files = _tables(blocks)["Files that the study names"]
-    assert [label for label, _ in files.rows] == [
-        "cubic.py",
-        "measured.csv",
-        "points.csv",
-        "powers.py",
-    ]
-    assert files.rows[3][1] == [
-        "92",
-        "in the archive",
-        "efd270c3e2a06418ec4762b2a25d4e4e3fee097dcd07c45b82dc7db007fc444c",
-    ]
+    named = ["cubic.py", "measured.csv", "points.csv", "powers.py"]
+    assert [label for label, _ in files.rows] == named
+    size, place, digest = files.rows[3][1]
+    assert (size, place, digest[:8]) == ("92", "in the archive", "efd270c3")
     kept = _listings(blocks)["powers.py"]
     assert kept.is_folded
     assert kept.text.endswith("def cube(x: float) -> float:\n    return x**3\n")

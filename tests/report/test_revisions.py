@@ -6,6 +6,7 @@ import re
 import numpy as np
 import pytest
 import xarray as xr
+from study_text import study_text
 
 import uqpen
 from uqpen.charts.chart import Chart
@@ -152,10 +153,9 @@ def test_what_only_one_has_is_named(first):
 
 def test_an_output_of_another_dimension_is_not_compared(first):
     other = first.copy()
-    for path in ("runs/draws",):
-        dataset = other[path].to_dataset()
-        dataset["sag"].attrs |= {"units": "kg", "display_units": "kg"}
-        other[path].dataset = dataset
+    dataset = other["runs/draws"].to_dataset()
+    dataset["sag"].attrs |= {"units": "kg", "display_units": "kg"}
+    other["runs/draws"].dataset = dataset
     pair = ArchivePair(first, other)
     assert not list(estimate_changes(pair))
     (remarks,) = unpaired(pair)
@@ -188,13 +188,10 @@ def test_a_benchmark_is_refused(first):
 
 @pytest.mark.slow
 def test_the_command_takes_two_archives(command_line, tmp_path):
-    text = (
-        'seed = 1\n[model]\nuse = "ishigami"\n[inputs]\n'
-        "x1 = { uniform = { lower = 0, upper = 1 } }\nx2 = 1.0\nx3 = 1.0\n"
-        '[designs.some]\nkind = "monte-carlo"\nruns = 50\n'
-    )
     for name, runs in (("a", 50), ("b", 60)):
-        (tmp_path / f"{name}.toml").write_text(text.replace("runs = 50", f"runs = {runs}"))
+        design = {"some": {"kind": "monte-carlo", "runs": runs}}
+        text = study_text("ishigami", inputs={"x1": (0, 1), "x2": 1.0, "x3": 1.0}, designs=design)
+        (tmp_path / f"{name}.toml").write_text(text)
         command_line("study", f"{name}.toml", "-o", f"{name}.nc")
     done = command_line("report", "a.nc", "b.nc")
     assert (done.code, done.out, done.err) == (0, "report: a_b.html\n", "")

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
+from study_text import study_text
 
 import uqpen
 from uqpen.archive.estimates import estimate_array, pack
@@ -13,28 +14,14 @@ from uqpen.results.json import archive_json
 from uqpen.results.long_table import estimate_rows, long_table, rows_frame, statistics_rows
 from uqpen.results.source_statistics import SourceStatistics
 
-STUDY = """
-    seed = 3
-    [models.one]
-    use = "ishigami"
-    [models.two]
-    use = "ishigami"
-    a = 6
-    [inputs]
-    x1 = { uniform = { lower = -3, upper = 3 } }
-    x2 = { uniform = { lower = -3, upper = 3 } }
-    x3 = { uniform = { lower = -3, upper = 3 } }
-    [outputs.y]
-    exceeds = ["4"]
-    hold = [0.9]
-    [designs.plain]
-    kind = "monte-carlo"
-    runs = 200
-    [published.paper]
-    source = "A paper"
-    [published.paper.y]
-    mean = 3.5
-"""
+STUDY = study_text(
+    seed=3,
+    models={"one": {"use": "ishigami"}, "two": {"use": "ishigami", "a": 6}},
+    inputs=dict.fromkeys(("x1", "x2", "x3"), (-3, 3)),
+    outputs={"y": {"exceeds": ["4"], "hold": [0.9]}},
+    designs={"plain": {"kind": "monte-carlo", "runs": 200}},
+    published={"paper": {"source": "A paper", "y": {"mean": 3.5}}},
+)
 
 COLUMNS = [
     *("model", "source", "kind", "output", "statistic", "coordinates"),

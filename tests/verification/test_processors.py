@@ -16,15 +16,15 @@ pytestmark = pytest.mark.slow
 
 SWITCHES = {
     "as it is": {},
-    "another BLAS kernel": {"OPENBLAS_CORETYPE": "Nehalem"},
-    "fewer features": {
+    "another": {
+        "OPENBLAS_CORETYPE": "Nehalem",
         "NPY_DISABLE_CPU_FEATURES": "AVX512F AVX512CD AVX512_SKX AVX512_CLX AVX512_CNL "
-        "AVX512_ICL AVX2 FMA3"
+        "AVX512_ICL AVX2 FMA3",
     },
 }
 
-# Where an archive is made and where it is verified: each switch meets this processor both ways.
-PAIRS = [(there, here) for there in SWITCHES for here in SWITCHES if "as it is" in (there, here)]
+# Where an archive is made and where it is verified.
+PAIRS = [("as it is", "as it is"), ("as it is", "another"), ("another", "as it is")]
 
 # The sine is NumPy's own on each processor, and the fit is made by BLAS; a rule's mean is 0 but for
 # rounding.
@@ -117,11 +117,11 @@ def test_an_archive_of_before_features_were_recorded_says_so():
 
 
 def test_two_processors_are_distinguished_from_two_results(made):
-    one, other = (uqpen.open_archive(made.folder / f"{each}.nc") for each in list(SWITCHES)[::2])
+    one, other = (uqpen.open_archive(made.folder / f"{each}.nc") for each in SWITCHES)
     if next(provenance_differences(one.attrs, other.attrs), None) is None:
         pytest.skip("this processor has none of the features that the switch takes away")
     reported = {section.name: " ".join(section.lines) for section in diff_archives(one, other)}
-    assert reported.pop("made with").startswith("cpu features: ")
+    assert "cpu features: " in reported.pop("made with")
     # Some features change no bit of this study: AVX2 does not, where there is no AVX-512.
     if reported:
         assert reported["equal"].startswith("all numbers, within 1e-09 ")
