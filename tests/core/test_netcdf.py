@@ -307,24 +307,15 @@ def test_what_other_software_writes_is_read(name, tmp_path):
         assert np.array_equal(columns["large"].numbers(), A > 1.5)
 
 
-def enumeration(path):
-    with netCDF4.Dataset(path, "w") as root:
-        root.createDimension("run", 2)
-        kind = root.createEnumType(np.uint8, "kind", {"one": 0, "other": 1})
-        root.createVariable("a", kind, ("run",))[:] = 0
+def of_own_type(make):
+    """A file with a variable of a data type that it defines."""
 
+    def write(path):
+        with netCDF4.Dataset(path, "w") as root:
+            root.createDimension("run", 2)
+            root.createVariable("a", make(root), ("run",))
 
-def listed(path):
-    with netCDF4.Dataset(path, "w") as root:
-        root.createDimension("run", 2)
-        root.createVariable("a", root.createVLType("f8", "list"), ("run",))[0] = np.ones(3)
-
-
-def compound(path):
-    with netCDF4.Dataset(path, "w") as root:
-        root.createDimension("run", 2)
-        kind = root.createCompoundType(np.dtype([("x", "f8")]), "pair")
-        root.createVariable("a", kind, ("run",))
+    return write
 
 
 def changed(change):
@@ -355,9 +346,12 @@ COPY = 'copy it by "nccopy -d 1 in.nc out.nc"'
 REFUSED = {
     "bzip2": (by_netcdf4(compression="bzip2"), f"by filter 307, bzip2; {COPY}"),
     "texts": (with_texts(zlib=True), 'of a later form; copy it by "nccopy -d 0 in.nc out.nc"'),
-    "enumeration": (enumeration, f"is a data type of its own; {STORE_NUMBERS}"),
-    "list": (listed, f"is a data type of its own; {STORE_NUMBERS}"),
-    "compound": (compound, f"is a data type of its own; {STORE_NUMBERS}"),
+    "enumeration": (of_own_type(lambda root: root.createEnumType(np.uint8, "kind", {"one": 0})),
+                    f"is a data type of its own; {STORE_NUMBERS}"),
+    "list": (of_own_type(lambda root: root.createVLType("f8", "list")),
+             f"is a data type of its own; {STORE_NUMBERS}"),
+    "compound": (of_own_type(lambda root: root.createCompoundType([("x", "f8")], "pair")),
+                 f"is a data type of its own; {STORE_NUMBERS}"),
     "text": (lambda path: path.write_text("a,b\n1,2\n"), "it is no NetCDF file"),
     "HDF5 behind another head": (
         lambda path: path.write_bytes(bytes(512) + b"\x89HDF\r\n\x1a\n" + bytes(512)),

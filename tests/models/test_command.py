@@ -383,7 +383,7 @@ def test_a_run_that_hangs_is_ended_with_all_its_children(home, grouped):
 
 LIMITED = """\
 command = ["./solver", "{width}", "{load}"]
-time_limit = "1 s"
+time_limit = "0.5 s"
 read.stress = { text = "stdout", pattern = '(a+)+$' }
 """
 
@@ -399,7 +399,7 @@ def test_a_pattern_that_takes_too_long_is_a_run_that_has_timed_out(home, is_main
         results = evaluate(inputs) if is_main else pool.submit(evaluate, inputs).result()
     assert results.status.tolist() == [Status.TIMED_OUT, Status.FAILED]
     assert results.reasons == {
-        0: 'reading what "(a+)+$" matches in stdout took longer than 1 s',
+        0: 'reading what "(a+)+$" matches in stdout took longer than 0.5 s',
         1: 'what "(a+)+$" matches in stdout is no number',
     }
     kept = model_of(home, LIMITED.replace("(a+)+$", "s = (.+)")).reading_again()

@@ -146,34 +146,23 @@ class TestDependence:
         assert expected in report
 
     @pytest.mark.parametrize(
-        ("matrix", "key", "found", "expected"),
-        [
-            ("[1, 0.5]", "matrix[0]", "1", "a row"),
-            ('[[1, "a"], [0.5, 1]]', "matrix[0][1]", '"a"', "a number"),
-            ("[[1, 0.5], [0.4, 1]]", "matrix[1][0]", "0.4", "symmetric"),
-            (f"[[1, 9{'0' * 400}], [1.5, 1]]", "matrix[0][1]", "9", "between -1 and 1"),
-        ],
-    )
-    def test_a_wrong_matrix_is_reported(self, matrix, key, found, expected):
-        lines = f'inputs = ["x1", "x2"]\nmatrix = {matrix}\n'
-        report = reported(with_three(f'of = "normal-scores"\n{lines}'))
-        assert f"dependence.{key}\n" in report
-        assert found in report
-        assert expected in report
-
-    @pytest.mark.parametrize(
         ("lines", "key", "found", "expected"),
         [
+            ("JOINED [1, 0.5]", "matrix[0]", "1", "a row"),
+            ('JOINED [[1, "a"], [0.5, 1]]', "matrix[0][1]", '"a"', "a number"),
+            ("JOINED [[1, 0.5], [0.4, 1]]", "matrix[1][0]", "0.4", "symmetric"),
+            (f"JOINED [[1, 9{'0' * 400}], [1.5, 1]]", "matrix[0][1]", "9", "between -1 and 1"),
             ("matrix = [[1, 0.5], [0.5, 1]]", "inputs", "nothing", "the random inputs"),
             ('inputs = ["x1", "x2", "x3"]\n'
              "matrix = [[1, 0.9, 0.9], [0.9, 1, -0.9], [0.9, -0.9, 1]]", "matrix",
              "the smallest eigenvalue -0.8", "positive definite"),
             ('pairs = [ { inputs = ["x1", "x2"], correlation = 0.9 },'
-             ' { inputs = ["x1", "x3"], correlation = 0.9 } ]', "pairs",
-             "the smallest eigenvalue -0.2", "positive definite"),
+             ' { inputs = ["x1", "x3"], correlation = 0.9 } ]',
+             "pairs", "the smallest eigenvalue -0.2", "positive definite"),
         ],
     )  # fmt: skip
-    def test_correlations_that_cannot_be_joined_are_reported(self, lines, key, found, expected):
+    def test_wrong_correlations_are_reported(self, lines, key, found, expected):
+        lines = lines.replace("JOINED", 'inputs = ["x1", "x2"]\nmatrix =')
         report = reported(with_three(f'of = "normal-scores"\n{lines}\n'))
         assert f"dependence.{key}\n" in report
         assert found in report

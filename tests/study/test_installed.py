@@ -124,49 +124,27 @@ def test_what_stands_beside_a_study_does_not_replace_a_package(install, tmp_path
 
 
 @pytest.mark.parametrize("family", FAMILIES)
-def test_a_package_that_cannot_be_imported_is_named(install, tmp_path, family):
-    install("members", SOURCE, POINTS)
+def test_a_name_of_no_member_is_told_with_its_line(install, tmp_path, family):
     name, key = FAMILIES[family]
-    install("broken", "import numpi\n", f"[uqpen.{family}]\n{name}-2 = uqpen_test_broken:Thing\n")
-    text = STUDY.replace(f'"{name}"', f'"{name}-2"').replace(f"{name} = ", f"{name}-2 = ")
-    with pytest.raises(StudyError) as raised:
-        uqpen.parse_study(text, folder=tmp_path)
-    (problem,) = raised.value.problems
-    assert problem.key.startswith(key)
-    assert problem.found == (
-        f'the installed package "uqpen-test-broken", which provides "{name}-2", cannot be '
-        "loaded: ModuleNotFoundError: No module named 'numpi'"
-    )
-
-
-@pytest.mark.parametrize("family", FAMILIES)
-def test_what_is_no_member_is_refused(install, tmp_path, family):
-    name, key = FAMILIES[family]
-    install(
-        "members",
-        SOURCE + "\nclass Thing: pass\nthing = 1\n",
-        POINTS.replace(
-            re.search(rf"(?m)^{name} = (.*)$", POINTS)[1],  # type: ignore[index]
-            "uqpen_test_members:thing" if family == "analyses" else "uqpen_test_members:Thing",
-        ),
-    )
-    with pytest.raises(StudyError) as raised:
-        uqpen.parse_study(STUDY, folder=tmp_path)
-    problem = raised.value.problems[0]
-    assert problem.key.startswith(key)
-    assert re.search("does not derive from|is an object of class int", problem.found)
-
-
-@pytest.mark.parametrize("family", FAMILIES)
-def test_an_unknown_name_has_its_line(tmp_path, install, family):
-    install("members", SOURCE, POINTS)
-    name, key = FAMILIES[family]
-    text = STUDY.replace(f'"{name}"', f'"{name}z"').replace(f"{name} = ", f"{name}z = ")
-    with pytest.raises(StudyError) as raised:
-        uqpen.parse_study(text, folder=tmp_path)
-    (problem,) = raised.value.problems
-    assert problem.key.startswith(key)
-    assert re.search(r"study\.toml:\d+ ", str(raised.value))
+    thing = "thing" if family == "analyses" else "Thing"
+    section = f"[uqpen.{family}]\n"
+    points = POINTS.replace(section, f"{section}{name}-3 = uqpen_test_members:{thing}\n")
+    install("members", f"{SOURCE}\nclass Thing: pass\nthing = 1\n", points)
+    install("broken", "import numpi\n", f"{section}{name}-2 = uqpen_test_broken:Thing\n")
+    for ending, found in {
+        "-2": f'^the installed package "uqpen-test-broken", which provides "{name}-2", cannot be '
+        "loaded: ModuleNotFoundError: No module named 'numpi'$",
+        "-3": "does not derive from|is an object of class int",
+        "z": f"{name}z|an unknown distribution",
+    }.items():
+        text = STUDY.replace(f'"{name}"', f'"{name}{ending}"')
+        text = text.replace(f"{name} = ", f"{name}{ending} = ")
+        with pytest.raises(StudyError) as raised:
+            uqpen.parse_study(text, folder=tmp_path)
+        problem = raised.value.problems[0]
+        assert problem.key.startswith(key)
+        assert re.search(found, problem.found)
+        assert re.search(r"study\.toml:\d+ ", str(raised.value))
 
 
 def test_a_study_without_them_loads_none(install, tmp_path):
