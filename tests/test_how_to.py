@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pytest
 from click.shell_completion import BashComplete
-from notebook_cells import open_notebook, shown
 from page_blocks import ROOT, blocks_of
 
 from uqpen.cli.main import COMMANDS, COMPLETION, uqpen
@@ -121,15 +120,6 @@ def test_it_works_as_printed(title, command_line, tmp_path):
     skip_without_program(SECTIONS[title])
     write_linked_files(SECTIONS[title], tmp_path)
     run_as_printed(section(title), tmp_path, command_line)
-
-
-@pytest.mark.slow
-def test_its_cells_run_in_a_notebook(tmp_path):
-    with open_notebook(tmp_path) as notebook:
-        study, estimates = (shown(notebook.run(block.text)) for block in section(IN_A_NOTEBOOK))
-    assert "<td>normal (5 ± 0.5) kN</td>" in study
-    assert "<progress" in estimates
-    assert "<th>deflection [mm]</th><th>draws</th>" in estimates
 
 
 @pytest.mark.slow

@@ -1,11 +1,14 @@
-"""A study in a notebook, in a real kernel: without a file, on processes, interrupted."""
+"""Studies in notebooks, in a real kernel: those of pages, without a file, interrupted."""
 
 import re
 import time
 
+import numpy as np
 import pytest
 from notebook_cells import PATIENCE, open_notebook, shown
+from page_blocks import ROOT
 from study_text import study_text
+from test_how_to import IN_A_NOTEBOOK, section
 
 import uqpen
 
@@ -56,6 +59,33 @@ def kernel(tmp_path_factory):
 def notebook(kernel, tmp_path):
     kernel.run(f"%cd -q {tmp_path}")
     return kernel
+
+
+def test_cells_of_the_page_of_tasks_run_as_printed(notebook):
+    study, estimates = (shown(notebook.run(block.text)) for block in section(IN_A_NOTEBOOK))
+    assert "<td>normal (5 ± 0.5) kN</td>" in study
+    assert "<progress" in estimates
+    assert "<th>deflection [mm]</th><th>draws</th>" in estimates
+
+
+def test_the_tutorial_ends_at_a_page_and_says_a_mistake_in_a_line(notebook, tmp_path):
+    text = (ROOT / "docs" / "tutorials" / "notebook.md").read_text(encoding="utf-8")
+    cells = re.findall(r"```{code-cell}\n((?::[^\n]*\n)*)(.*?)```", text, re.DOTALL)
+    for options, code in cells:
+        reply, outputs = notebook.finish(notebook.start(code))
+        if "raises-exception" not in options:
+            assert reply["status"] == "ok", "\n".join(reply["traceback"])
+        else:
+            assert len("\n".join(reply["traceback"]).splitlines()) <= 5
+            assert "kg" in reply["traceback"][0]
+        if ".values.round" in code:
+            interval = re.findall(r"\d\.\d+", outputs[-1]["data"]["text/plain"])
+    rng = np.random.default_rng(2)
+    load, length = rng.normal(12, 1.5, 10**6), rng.uniform(2.95, 3.05, 10**6)
+    stiffness = 48 * rng.normal(205, 8, 10**6) * rng.normal(830, 25, 10**6)
+    lower, upper = map(float, interval)
+    assert lower < (load * length**3 / stiffness * 1e5 > 5).mean() < upper
+    assert (tmp_path / "beam.html").stat().st_size > 100_000
 
 
 def test_its_archive_is_that_of_a_file(notebook, tmp_path):
