@@ -510,27 +510,19 @@ def exceedance_chart(
     limits = limit_marks(view, output, span)
     is_design = curve.source in view.designs
     probabilities = view.statistics.get(curve.source, output, "exceedance")
-    # A surrogate's function has ranks in place of runs, and its small probabilities have not.
-    least = _BELOW / max(curve.runs if is_design else curve.values.size, 10)
-    if probabilities is not None and not is_design:
-        requested = probabilities.values[:, 0]
-        least = min(least, _BELOW * requested[requested > 0].min(initial=1.0))
+    least = _least_probability(curve, probabilities, is_design=is_design)
     # An end at 0 has no logarithm.
     marks, keys = _tail_marks(curve, values, np.maximum(band, least))
     notes, summary = _missing_runs_note(curve), ""
     if is_design:
-        largest, runs = (
-            LargestRun.of_design(view, curve.source, output),
-            count_text(curve.runs, "run"),
-        )
+        largest = LargestRun.of_design(view, curve.source, output)
         text = f"{largest.name}: {largest.text}"
         end = max(float(band[-1, 0]), least)
         marks.append(end_of_line(float(values[-1]), end, curve.series, text))
         keys.append(LegendKey(text, curve.series, END))
         notes = [_NOT_MET, *notes]
-        summary = (
-            f"It falls from 1 to the smallest share of {runs} of {curve.name}. {largest.sentence}"
-        )
+        runs = f"{count_text(curve.runs, 'run')} of {curve.name}"
+        summary = f"It falls from 1 to the smallest share of {runs}. {largest.sentence}"
     tables: tuple[OutputTable, ...] = ()
     if probabilities is not None:
         rows = _probability_rows(probabilities)
@@ -565,6 +557,18 @@ def exceedance_chart(
         height=280,
         of=output,
     )
+
+
+def _least_probability(
+    curve: Curve, probabilities: xr.DataArray | None, *, is_design: bool
+) -> float:
+    """Return the end of the axis, below the share of a run and what the study requests."""
+    # A surrogate's function has ranks in place of runs, and its small probabilities have not.
+    least = _BELOW / max(curve.runs if is_design else curve.values.size, 10)
+    if probabilities is None or is_design:
+        return least
+    requested = probabilities.values[:, 0]
+    return float(min(least, _BELOW * requested[requested > 0].min(initial=1.0)))
 
 
 def exceedance_tail(curve: Curve) -> tuple[FloatArray, FloatArray]:

@@ -164,21 +164,8 @@ def _names(table: TableReader, key: str) -> list[str] | None:
 
 def _read_file(table: TableReader, declared: _Declaration) -> DataModel | None:
     """Return the runs of a file; note what the study states otherwise than the file."""
-    path = table.folder / Path(declared.file)
-    content = (table.document.objects or {}).get(table.path)
-    file = data_file(path, content) if isinstance(content, bytes) else read_data_file(path)
     noted = len(table.problems)
-    given = [each.name for each in file.columns]
-    file = _renamed(table, file, declared.headings)
-    # What the file calls the columns that have other names in the study.
-    titles = {
-        each.name: name
-        for name, each in zip(given, file.columns, strict=True)
-        if name not in (each.name, each.name.replace("_", " "))
-    }
-    if declared.missing:
-        cleaned = tuple(each.without(declared.missing) for each in file.columns)
-        file = replace(file, columns=cleaned)
+    file, titles = _opened(table, declared)
     names = declared.inputs
     if names is None:
         no_input = {*declared.outputs, *declared.ignored, *OTHER_COLUMNS}
@@ -209,11 +196,9 @@ def _read_file(table: TableReader, declared: _Declaration) -> DataModel | None:
         )
         for name in declared.outputs
     )
-    dropped = ""
+    treatment, dropped = {"missing": json.dumps(declared.missing)} if declared.missing else {}, ""
     if declared.drops:
         file, dropped = without_blank_inputs(file, names)
-    treatment = {"missing": json.dumps(declared.missing)} if declared.missing else {}
-    if declared.drops:
         treatment["drop"] = BLANK_INPUTS
     alone = ((name, file.by_name[name].distant_text()) for name in units)
     return DataModel(
@@ -230,6 +215,27 @@ def _read_file(table: TableReader, declared: _Declaration) -> DataModel | None:
         together=declared.together,
         treatment=treatment,
     )
+
+
+def _opened(table: TableReader, declared: _Declaration) -> tuple[DataFile, dict[str, str]]:
+    """Return a file under the names of the study, without entries that stand for none.
+
+    Beside it is what the file itself calls the columns that have other names.
+    """
+    path = table.folder / Path(declared.file)
+    content = (table.document.objects or {}).get(table.path)
+    file = data_file(path, content) if isinstance(content, bytes) else read_data_file(path)
+    given = [each.name for each in file.columns]
+    file = _renamed(table, file, declared.headings)
+    titles = {
+        each.name: name
+        for name, each in zip(given, file.columns, strict=True)
+        if name not in (each.name, each.name.replace("_", " "))
+    }
+    if declared.missing:
+        cleaned = tuple(each.without(declared.missing) for each in file.columns)
+        file = replace(file, columns=cleaned)
+    return file, titles
 
 
 def _renamed(table: TableReader, file: DataFile, headings: Mapping[str, str]) -> DataFile:

@@ -94,6 +94,7 @@ def read_measured(table: TableReader, model: Model | None) -> dict[str, Measured
 
 
 def _read_section(name: str, section: TableReader, model: Model) -> MeasuredOutputs | None:
+    """Read the keys of a section, its rows, and each output there; None for a mistake."""
     outputs = {each.name: each for each in model.all_outputs}
     tables = {
         key: section.table(key)
@@ -129,30 +130,24 @@ def _read_section(name: str, section: TableReader, model: Model) -> MeasuredOutp
     columns = {key: values for key, values in found.items() if values is not None}
     if len(columns) < len(found):
         return None
-    named = [_entries(rows.columns[label])] if label else []
-    # Without a condition, all rows are of one experiment.
-    keys = np.column_stack([np.zeros(rows.rows), *columns.values(), *named])
-    experiment, first = _numbered(keys)
+    # Without a condition or a label, all rows are of one experiment.
+    by_label = [_entries(rows.columns[label])] if label else [np.zeros(rows.rows)]
+    experiment, first = _numbered(np.column_stack([*columns.values(), *by_label]))
     stds = {
         each: std
         for each, written in conditions.items()
         if written is not None
         and (std := _difference(section, ("conditions", each), written, inputs[each].unit))
     }
-    known = {each: inputs[each] for each in conditions}
     is_left_out = _left_out_rows(section, labels, rows, label, file)
-    read_outputs = (
-        _read_output(inside, outputs[key], rows, experiment, known, is_left_out)
-        for key, inside in tables.items()
-    )
+    of_rows = rows, experiment, {each: inputs[each] for each in conditions}, is_left_out
+    read_outputs = (_read_output(inside, outputs[key], *of_rows) for key, inside in tables.items())
     measured = [of_output for of_output in read_outputs if of_output is not None]
     if len(measured) < len(tables):
         return None
     every = MeasuredOutputs(
         name,
-        tuple(roles["unknown"]),
-        tuple(roles["varies"]),
-        tuple(roles["fixed"]),
+        *(tuple(roles["unknown"]), tuple(roles["varies"]), tuple(roles["fixed"])),
         {key: values[first] for key, values in columns.items()},
         {key: np.full(len(first), std) for key, std in stds.items()},
         (),

@@ -324,14 +324,11 @@ class GaussianProcess(Surrogate):
         process = ConditionedProcess.of_runs(data, parameters)
         left_out = LeftOutErrors.of_runs(data, parameters, rng)
         if process is None or left_out is None:
-            return (
-                f"its correlations are singular to rounding, with the nugget {parameters.nugget:g}"
-            )
+            nugget = f"the nugget {parameters.nugget:g}"
+            return f"its correlations are singular to rounding, with {nugget}"
         lengths = parameters.lengths[inputs.length_numbers]
-        q2 = left_out.q2(data.values)
-        if noise is not None:
-            left_out = noise.left_out_runs(data, left_out)
-        factor = left_out.std_factor
+        of_runs = left_out if noise is None else noise.left_out_runs(data, left_out)
+        factor = of_runs.std_factor
         found = GaussianProcessFit(
             input_is_logarithm=inputs.is_logarithm,
             input_location=inputs.location,
@@ -346,7 +343,7 @@ class GaussianProcess(Surrogate):
             centre=centre,
             scale=scale,
             smoothness=data.smoothness,
-            q2=q2,
+            q2=left_out.q2(data.values),
             of_logarithm=int(is_logarithm),
             input_labels=inputs.labels,
         )
