@@ -20,6 +20,8 @@ RODS = (Path(__file__).parents[1] / "data" / "rods.toml").read_text(encoding="ut
 STUDY = f"""
 title = "Größe"
 seed = 12345678901234567890123
+sensitivity = false
+convergence = false
 {RODS}
 [outputs.penetration_depth]
 exceeds = ["60 cm"]

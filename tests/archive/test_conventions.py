@@ -31,7 +31,7 @@ exceeds = ["60 cm"]
 hold = [0.9]
 [designs.few]
 kind = "monte-carlo"
-runs = 300
+runs = 100
 """
 
 # What every kind of design and a surrogate of it have.
@@ -42,7 +42,7 @@ DESIGNS = study_text(
     inputs={"x1": (-3, 3), "x2": (-3, 3), "x3": (-3, 3)},
     outputs={"y": {"exceeds": [10]}},
     designs={
-        "blocks": {"kind": "saltelli", "base": 128, "second_order": True},
+        "blocks": {"kind": "saltelli", "base": 32, "second_order": True},
         "rule": {"kind": "quadrature", "order": 3},
         "trajectories": {"kind": "morris", "trajectories": 12},
         "steps": {"kind": "one-at-a-time"},
@@ -72,7 +72,7 @@ seed = 4
 {TRAJECTORY}
 [designs.draws]
 kind = "monte-carlo"
-runs = 60
+runs = 40
 """
 
 # Methods of which one is replicated, head to head.
@@ -108,7 +108,7 @@ def trees():
     studies = [uqpen.parse_study(text) for text in (DESIGNS, KINDS, MODELS)]
     # Of a model and of inputs that files tell of.
     studies.append(uqpen.load_study(DATA / "archives" / "schema_1_several.toml"))
-    terms = BenchmarkSettings(budgets=(16, 32), repeats=10, reference=512)
+    terms = BenchmarkSettings(budgets=(16, 32), repeats=10, reference=64)
     compared = compare(uqpen.parse_study(COMPARED), terms)
     return [*map(uqpen.run, studies), compared, uqpen.run(uqpen.parse_study(FIELDS))]
 

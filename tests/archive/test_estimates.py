@@ -115,30 +115,16 @@ def test_a_coordinate_of_another_size_is_an_error():
         labelled_array(np.zeros(3), ("run",), COORDINATES, {})
 
 
-STUDY = """\
-seed = 1
-[model]
-python = "model.py:simulate"
-inputs = {{ a = "1", b = "1" }}
-outputs = {{ {outputs} }}
-vectorized = true
-[inputs]
-a = "0 ± 1"
-b = "0 ± 1"
-[designs.plain]
-kind = "monte-carlo"
-runs = 64
-"""
-
-
 @pytest.fixture(scope="module")
-def archive(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("unpacked")
-    source = "def simulate(a, b):\n    return {f'y{k}': a + k * b for k in range(4)}\n"
-    (folder / "model.py").write_text(source, encoding="utf-8")
-    outputs = ", ".join(f'y{number} = "1"' for number in range(4))
-    study = uqpen.parse_study(STUDY.format(outputs=outputs), folder=folder)
-    return uqpen.run(study, map=map)
+def archive():
+    study = uqpen.Study(
+        model=lambda a, b: {f"y{k}": a + k * b for k in range(4)},
+        inputs={"a": uqpen.Normal(0, 1), "b": uqpen.Normal(0, 1)},
+        outputs=dict.fromkeys(("y0", "y1", "y2", "y3"), "1"),
+        designs={"plain": uqpen.MonteCarlo(runs=64)},
+        seed=1,
+    )
+    return uqpen.run(study)
 
 
 def test_they_are_those_of_the_group(archive):

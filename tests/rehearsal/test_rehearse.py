@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import xarray as xr
+from study_text import study_text
 
 from uqpen.benchmark.methods import BenchmarkStatistic
 from uqpen.core.errors import SettingsError
@@ -33,22 +34,16 @@ from uqpen.study.load import parse_study
 from uqpen.surrogates.fitting import fit_surrogate
 from uqpen.workflow import run_design
 
-STUDY = """
-seed = 1
-[model]
-python = "line.py:f"
-vectorized = true
-[model.inputs]
-a = "1"
-b = "1"
-[model.outputs]
-y = "1"
-[inputs]
-a = { uniform = { lower = 0, upper = 1 } }
-b = { uniform = { lower = -1, upper = 1 } }
-[outputs.y]
-exceeds = [2]
-"""
+STUDY = study_text(
+    {
+        "python": "line.py:f",
+        "vectorized": True,
+        "inputs": {"a": "1", "b": "1"},
+        "outputs": {"y": "1"},
+    },
+    inputs={"a": (0, 1), "b": (-1, 1)},
+    outputs={"y": {"exceeds": [2]}},
+)
 DESIGNS = """
 [designs.draws]
 kind = "monte-carlo"

@@ -95,14 +95,8 @@ class TestAnswer:
 
     def test_a_chart_marks_who_leads_and_who_is_level(self, tree):
         chart = charts_of(tree, "leaders")[0]
-        assert chart.y.rows == (
-            "mean",
-            "sd",
-            "5 % quantile",
-            "median",
-            "95 % quantile",
-            "P(> 300 cm)",
-        )
+        quantiles = ("5 % quantile", "median", "95 % quantile")
+        assert chart.y.rows == ("mean", "sd", *quantiles, "P(> 300 cm)")
         assert [text for _, text in chart.x.ticks] == ["16", "64"]
         lead = traced(chart, "latin_hypercube")
         first = lead["y"].index(0)

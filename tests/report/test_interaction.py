@@ -369,9 +369,7 @@ class TestSaving:
         assert re.fullmatch(
             r"Two outputs; (study \w+; )?archive sha256 [0-9a-f]{16}; uqpen [\w.]+\]", reference
         )
-        page.wait_for_function(
-            "() => !document.querySelector('main').textContent.includes('Copied')"
-        )
+        assert "Copied" in page.locator("main").text_content()
 
     def test_the_link_to_a_chart_has_the_threshold(self, page):
         page.evaluate(CLIPBOARD)

@@ -167,22 +167,16 @@ def test_widths_need_no_independent_draws_but_their_costs_do(archives):
     ]
 
 
-def test_of_many_outputs_the_last_have_tables_only(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("many")
+def test_of_many_outputs_the_last_have_tables_only():
     names = [f"y{number}" for number in range(8)]
-    body = ", ".join(f"{name!r}: x + {number}" for number, name in enumerate(names))
-    (folder / "many.py").write_text(f"def f(x):\n    return {{{body}}}\n")
-    units = "\n".join(f'{name} = "m"' for name in names)
-    tree = uqpen.run(
-        uqpen.parse_study(
-            f'seed = 1\n[model]\npython = "many.py:f"\nvectorized = true\n'
-            f'[model.inputs]\nx = "m"\n[model.outputs]\n{units}\n'
-            '[inputs]\nx = "(1 ± 0.1) m"\n'
-            '[designs.one]\nkind = "monte-carlo"\nruns = 30\n'
-            '[designs.two]\nkind = "monte-carlo"\nruns = 60\n',
-            folder=folder,
-        )
+    study = uqpen.Study(
+        model=lambda x: {name: x + number for number, name in enumerate(names)},
+        inputs={"x": uqpen.Normal(1, 0.1)},
+        outputs=dict.fromkeys(names, "m"),
+        designs={"one": uqpen.MonteCarlo(runs=30), "two": uqpen.MonteCarlo(runs=60)},
+        seed=1,
     )
+    tree = uqpen.run(study)
     blocks = flat(source_comparison(ArchiveView(tree, "")))
     assert sum(isinstance(block, Heading) for block in blocks) == 6
     *_, text, one, other = blocks
