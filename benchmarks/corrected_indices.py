@@ -62,10 +62,9 @@ truncation = 1.0
 """
 
 
-def _concrete() -> str:
-    text = (STUDIES / "concrete.toml").read_text(encoding="utf-8")
-    inputs = text[text.index("[model]") : text.index("[designs.")]
-    return "seed = {seed}\n" + inputs.replace("{", "{{").replace("}", "}}")
+_STUDY = (STUDIES / "concrete.toml").read_text(encoding="utf-8")
+_INPUTS = _STUDY[_STUDY.index("[model]") : _STUDY.index("[designs.")]
+_CONCRETE = "seed = {seed}\n" + _INPUTS.replace("{", "{{").replace("}", "}}")
 
 
 class Problem(NamedTuple):
@@ -88,7 +87,7 @@ PROBLEMS = {
     "dependent": Problem("Ishigami, dependent", _ISHIGAMI + _DEPENDENT, 8),
     "partial": Problem("Ishigami, inadmissible draws", _ISHIGAMI + _PARTIAL, 8),
     "poor": Problem("Ishigami, order 4", _ISHIGAMI + _WHOLE, 4),
-    "concrete": Problem("concrete", _concrete(), 4, 'transform = { penetration_depth = "log" }'),
+    "concrete": Problem("concrete", _CONCRETE, 4, 'transform = { penetration_depth = "log" }'),
 }
 
 
@@ -128,11 +127,7 @@ def _variables(
         if output in surrogate.transform:
             yield output, "log_", np.log
         for each in quantity.thresholds:
-            yield output, each.text, _event(each.value)
-
-
-def _event(limit: float) -> Callable[[FloatArray], FloatArray]:
-    return lambda values: np.where(np.isnan(values), np.nan, values > limit)
+            yield output, each.text, lambda y, x=each.value: np.where(np.isnan(y), np.nan, y > x)
 
 
 def _rows(name: str, runs: int, seeds: Sequence[int]) -> Iterator[Row]:

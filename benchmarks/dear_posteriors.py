@@ -231,10 +231,6 @@ def _row(name: str, seed: int) -> Row:
     }
 
 
-def _rows(name: str, seeds: Sequence[int]) -> Iterator[Row]:
-    yield from (_row(name, seed) for seed in seeds)
-
-
 class Cell:
     """All data sets of a model."""
 
@@ -301,7 +297,7 @@ def _failing(rows: Sequence[Row]) -> Iterator[str]:
 
 TABLE = SeedTable(
     {"model": PROBLEMS},
-    _rows,
+    lambda name, seeds: (_row(name, seed) for seed in seeds),
     {"dear posteriors": lambda rows: table(_cells(rows), COLUMNS)},
     _failing,
     seeds=30,

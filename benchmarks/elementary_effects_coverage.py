@@ -9,22 +9,22 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
+from problems import independent
+from seed_table import STUDIES
 
 from uqpen.core.arrays import FloatArray
-from uqpen.core.model import Input, Output
+from uqpen.core.model import Output
 from uqpen.core.streams import Stream
 from uqpen.designs.one_at_a_time import Morris
-from uqpen.distributions.joint_distribution import JointDistribution, RandomInput
+from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.distributions.univariate import Uniform
 from uqpen.execution import Evaluator, evaluate
 from uqpen.models.python_function import PythonFunction
 from uqpen.statistics.sensitivity.single_steps import effects_by_input, mean_effect
 from uqpen.study.load import load_study
 
-STUDIES = Path(__file__).parents[1] / "studies"
 LEVELS = 4
 TRIALS = 2000
 TRAJECTORIES = (4, 10, 20, 50, 100, 200)
@@ -34,7 +34,8 @@ def main() -> None:
     print("problem, input, figure: coverage in % (and share with an interval) by trajectories")
     print(f"{'':45}" + "".join(f"{number:>14}" for number in TRAJECTORIES))
     for problem, joint, evaluator, output in _problems():
-        drawn = _effects(evaluator, joint, output)
+        (points,) = Morris(TRIALS * 50, levels=LEVELS).rounds(joint, Stream(1, "coverage"))
+        drawn = effects_by_input(evaluate(evaluator, points, {}), output)
         grid = _on_grid(evaluator, joint, output)
         for position, (name, effects) in enumerate(drawn.items()):
             exact = _exact(grid, position)
@@ -51,22 +52,17 @@ def _problems() -> Iterator[tuple[str, JointDistribution, Evaluator, str]]:
         study = load_study(STUDIES / f"{name}.toml")
         study.model.prepare()
         yield name, study.joint, Evaluator(study.model, study.constraints), output
-    inputs = tuple(Input(name, "1") for name in ("x1", "x2", "x3"))
-    joint = JointDistribution(tuple(RandomInput(x, Uniform(0.0, 1.0), "1") for x in inputs), inputs)
+    joint = independent(**dict.fromkeys(("x1", "x2", "x3"), Uniform(0.0, 1.0)))
     for name, function in (
         # An effect in one trajectory of four, and in one of thirty-two.
         ("step", lambda x1, x2, x3: {"y": 3.0 * (x1 + x2 > 1.3) + x3**2}),
         ("corner", lambda x1, x2, x3: {"y": 1.0 * ((x1 > 0.7) & (x2 > 0.7) & (x3 > 0.7))}),
     ):
         units = dict.fromkeys(["x1", "x2", "x3", "y"], "1")
-        model = PythonFunction(function, name, inputs, (Output("y", "1"),), units, vectorized=True)
+        model = PythonFunction(
+            function, name, joint.variables, (Output("y", "1"),), units, vectorized=True
+        )
         yield name, joint, Evaluator(model), "y"
-
-
-def _effects(evaluator: Evaluator, joint: JointDistribution, output: str) -> dict[str, FloatArray]:
-    design = Morris(TRIALS * 50, levels=LEVELS)
-    (points,) = design.rounds(joint, Stream(1, "coverage"))
-    return effects_by_input(evaluate(evaluator, points, {}), output)
 
 
 def _on_grid(evaluator: Evaluator, joint: JointDistribution, output: str) -> FloatArray:

@@ -21,7 +21,6 @@ from uqpen.designs.latin_hypercube import LatinHypercube
 from uqpen.designs.monte_carlo import MonteCarlo
 from uqpen.designs.quasi_monte_carlo import SobolSequence
 from uqpen.execution import Evaluator, evaluate
-from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.surrogate.corrected_moments import CorrectedMoments
 from uqpen.statistics.surrogate.corrected_statistics import correction_evidence
 from uqpen.statistics.surrogate.surrogate_draws import SurrogateDraws
@@ -33,6 +32,7 @@ from uqpen.surrogates.gaussian_process import GaussianProcess
 STUDY = load_study(STUDIES / "concrete.toml")
 (VARIANT,) = STUDY.models.values()
 OUTPUTS = {"penetration_depth": "depth", "projectile_residue": "residue"}
+QUANTITIES = [each for each in STUDY.model_quantities(VARIANT.model) if each.output.name in OUTPUTS]
 RUNS = 300
 DESIGNS = {
     "monte-carlo": MonteCarlo(runs=RUNS),
@@ -68,17 +68,12 @@ def _rows(design: str, kind: str, seeds: Sequence[int]) -> Iterator[Row]:
         fitted = surrogate.fit("surrogate", runs, VARIANT.model, STUDY.joint, stream)
         folds = cross_fit(surrogate, "surrogate", runs, VARIANT.model, STUDY.joint, stream)
         draws = SurrogateDraws(fitted, STUDY.joint, STUDY.constraints, VARIANT.given, stream)
-        found = correction_evidence(draws, folds, runs, None, _quantities())
+        found = correction_evidence(draws, folds, runs, None, QUANTITIES)
         for output in OUTPUTS:
             mean = CorrectedMoments(found.runs[output]).mean()
             _, low, high = found.plain[output]["mean"].values
             row = {"output": output, "mean": mean.value, "lower": mean.lower, "upper": mean.upper}
             yield row | {"plain": (high - low) / 2, "truth": _truths()[output]}
-
-
-def _quantities() -> list[QuantityOfInterest]:
-    every = STUDY.model_quantities(VARIANT.model)
-    return [each for each in every if each.output.name in OUTPUTS]
 
 
 def _page(rows: Sequence[Row]) -> Iterator[str]:

@@ -5,11 +5,7 @@ its runs (in the process or on two workers), while it keeps those that are done,
 the archive. Then it is started again. It must complete, write the bytes of the archive that was
 never interrupted, and make no run that had been kept: the function counts its calls.
 
-With `--raise` the study has more runs at the next start, and half of its first runs are in an
-archive before. Those runs are found by their inputs.
-
     python benchmarks/kills.py --kills 200
-    python benchmarks/kills.py --kills 60 --raise
 """
 
 from __future__ import annotations
@@ -76,25 +72,21 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--kills", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--raise", dest="is_raised", action="store_true")
     arguments = parser.parse_args()
     chance = random.Random(arguments.seed)
     counts: Counter[str] = Counter()
     lags: Counter[int] = Counter()
     failures = []
     with tempfile.TemporaryDirectory() as scratch:
-        runs = 2 * RUNS if arguments.is_raised else RUNS
-        whole = _prepared(Path(scratch), "whole", runs)
+        whole = _prepared(Path(scratch), "whole")
         # It also imports what every fork needs, which takes longer than the study.
         uqpen.make_archive(uqpen.load_study(whole / "study.toml"), whole / "study.nc")
         expected = (whole / "study.nc").read_bytes()
-        assert _calls(whole) == RUNS + runs
+        assert _calls(whole) == 2 * RUNS
         for number in range(arguments.kills):
             kind = KINDS[number % len(KINDS)]
             folder = _prepared(Path(scratch), str(number))
-            if arguments.is_raised:
-                _make_first_half(folder)
-            lag, failure = _killed(folder, kind, chance, expected, runs)
+            lag, failure = _killed(folder, kind, chance, expected)
             counts[kind] += 1
             lags[lag] += 1
             if failure:
@@ -106,26 +98,12 @@ def main() -> int:
     return bool(failures)
 
 
-def _prepared(scratch: Path, name: str, runs: int = RUNS) -> Path:
+def _prepared(scratch: Path, name: str) -> Path:
     folder = scratch / name
     folder.mkdir()
     (folder / "model.py").write_text(MODEL)
-    _write_study(folder, runs)
+    (folder / "study.toml").write_text(STUDY)
     return folder
-
-
-def _write_study(folder: Path, runs: int) -> None:
-    """Write the study with a number of Monte Carlo runs."""
-    (folder / "study.toml").write_text(STUDY.replace(f"runs = {RUNS}", f"runs = {runs}", 1))
-
-
-def _make_first_half(folder: Path) -> None:
-    """Make the archive of half the runs, which the study takes."""
-    _write_study(folder, RUNS // 2)
-    program = _Program(folder)
-    said = program.wait()
-    assert program.code == 0, said
-    _write_study(folder, RUNS)
 
 
 class _Program:
@@ -207,22 +185,17 @@ def _calls(folder: Path) -> int:
     return len(calls.read_bytes().splitlines()) if calls.exists() else 0
 
 
-def _killed(
-    folder: Path, kind: str, chance: random.Random, expected: bytes, runs: int
-) -> tuple[int, str]:
+def _killed(folder: Path, kind: str, chance: random.Random, expected: bytes) -> tuple[int, str]:
     """How many calls were lost to a kill, and what went wrong."""
     if kind in ("runs", "workers"):
         _kill_in_mid_run(folder, kind, chance)
     else:
-        # Runs that are taken are not kept again, and on a busy machine many are kept at once.
-        parts = RUNS if runs == RUNS else 4
-        most = parts if kind == "part" else 12
+        most = RUNS if kind == "part" else 12
         dying = _Program(folder, dies=(kind, chance.randint(1, most)))
         dying.wait()
         if dying.code != -signal.SIGKILL:
             return 0, f"it was not killed, but ended with {dying.code}"
     called = _calls(folder)
-    _write_study(folder, runs)
     again = _Program(folder)
     said = again.wait()
     if again.code != 0:
@@ -231,7 +204,7 @@ def _killed(
     compared = sum(map(int, re.findall(r"(\d+)\s+of\s+\d+\s+runs\s+made\s+again", said)))
     lag = called - found
     made = _calls(folder) - called - compared
-    if made != RUNS + runs - found:
+    if made != 2 * RUNS - found:
         return lag, f"{found} runs were kept, but {made} made again"
     if (folder / "study.nc").read_bytes() != expected:
         return lag, "the archive is not the same"
@@ -243,7 +216,7 @@ def _killed(
 
 def _kill_in_mid_run(folder: Path, kind: str, chance: random.Random) -> None:
     running = _Program(folder, *(("--workers", "2") if kind == "workers" else ()))
-    at = _calls(folder) + chance.randint(1, 2 * RUNS - _calls(folder) - 4)
+    at = chance.randint(1, 2 * RUNS - 4)
     while _calls(folder) < at and running.poll() is None:
         time.sleep(0.001)
     time.sleep(chance.random() * SECONDS_PER_RUN)

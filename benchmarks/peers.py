@@ -28,7 +28,8 @@ from typing import Any, NamedTuple
 sys.path.insert(0, str(Path(__file__).with_name("peers")))
 
 import shared
-from seed_table import fill
+from seed_table import counted, fill
+from start import children_seconds
 
 HERE = Path(__file__).resolve().parent
 OURS = "uqpen"
@@ -75,9 +76,9 @@ class Package(NamedTuple):
 
     def measure(self, task: str, runs: int, seed: int, most: int) -> Measured | str:
         """Return what a task took; a text if it took more than `most` seconds or failed."""
-        before = _children_seconds()
+        before = children_seconds()
         done = _child(self.python, self.name, task, str(runs), str(seed), most=most)
-        seconds = _children_seconds() - before
+        seconds = children_seconds() - before
         if done.returncode:
             over = done.returncode in (-signal.SIGXCPU, -signal.SIGKILL)
             return f"more than {most} s" if over else f"fails: {_last_line(done.stderr)}"
@@ -134,9 +135,9 @@ def _works(million: int) -> tuple[Work, ...]:
         Work("start-up, 256 runs", "start", 256, f"Its imports are xarray and pandas. {more}"),
         Work("10 000 runs, one by one", "one-by-one", 10_000, f"Start-up decides it. {more}"),
         Work("10 000 runs: moments, quantiles", "moments", 10_000, more),
-        Work(f"{_counted(million)} runs: moments, quantiles", "moments", million, more),
+        Work(f"{counted(million)} runs: moments, quantiles", "moments", million, more),
         Work("10 000 runs: first-order indices", "given-data", 10_000, indices),
-        Work(f"{_counted(million)} runs: first-order indices", "given-data", million, indices),
+        Work(f"{counted(million)} runs: first-order indices", "given-data", million, indices),
         Work(
             "Sobol' indices, 10 240 pick-freeze runs",
             "sobol",
@@ -251,13 +252,14 @@ def _rows(
         ratios = [a / b.seconds for a, b in zip(seconds, ours[1], strict=True)]
         if work.task == "start":
             starts[name] = median(seconds)
-        beyond = (median(seconds) - starts[name]) / runs * 1e6
+        micros = (median(seconds) - starts[name]) / runs * 1e6
+        beyond = _short(micros) if micros > 0 else "in the noise"
         cells = [
             f"{work.name}" + ("" if work.runs else f", {runs} runs"),
             name,
             f"{median(seconds):.2f}",
             "1" if name == OURS else f"{_short(median(ratios))} ({_range(ratios)})",
-            "–" if work.task in ("start", "expansion") else _beyond_noise(beyond),
+            "–" if work.task in ("start", "expansion") else beyond,
             f"{median([_error(each.figures) for each in found]):.1g}",
             _half_width(found[0].figures),
         ]
@@ -310,17 +312,8 @@ def _processor() -> str:
     return names[0] if names else platform.machine()
 
 
-def _children_seconds() -> float:
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
-
-
 def _last_line(text: str) -> str:
     return (text.strip().splitlines() or ["no message"])[-1]
-
-
-def _beyond_noise(micros: float) -> str:
-    return _short(micros) if micros > 0 else "in the noise"
 
 
 def _short(value: float) -> str:
@@ -329,10 +322,6 @@ def _short(value: float) -> str:
 
 def _range(values: list[float]) -> str:
     return f"{_short(min(values))} to {_short(max(values))}"
-
-
-def _counted(number: int) -> str:
-    return f"{number:,}".replace(",", " ")
 
 
 if __name__ == "__main__":

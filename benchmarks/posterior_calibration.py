@@ -229,10 +229,6 @@ _LYNXES += [8.0, 12.3, 19.5, 45.7, 51.1, 29.7, 15.8, 9.7, 10.1, 8.6]
 _STEPS = 40  # of Runge and Kutta's method in a year
 
 
-def _schools(values: FloatArray) -> FloatArray:
-    return _log_normal(_EFFECTS - values[:, 2:], _EFFECT_STDS)
-
-
 def _school_values(points: FloatArray) -> FloatArray:
     mean, scale = 5 * points[:, 0], stats.halfcauchy.ppf(stats.norm.cdf(points[:, 1]), scale=5)
     effects = mean[:, np.newaxis] + scale[:, np.newaxis] * points[:, 2:]
@@ -275,7 +271,10 @@ _SCHOOLS = ("μ", "τ", *(f"θ{number}" for number in range(1, 9)))
 _ANIMALS = ("birth", "hunted", "death", "fed", "hares", "lynxes", "error of hares", "of lynxes")
 # By name: the problem, and the means of its first unknowns.
 REFERENCES: dict[str, tuple[Problem, tuple[float, ...]]] = {
-    "eight schools": (Problem(_SCHOOLS, _school_values, _schools), (4.4105, 3.6021)),
+    "eight schools": (
+        Problem(_SCHOOLS, _school_values, lambda x: _log_normal(_EFFECTS - x[:, 2:], _EFFECT_STDS)),
+        (4.4105, 3.6021),
+    ),
     "lynx and hare": (
         Problem(_ANIMALS, _animal_values, _animals),
         (0.54686, 0.027747, 0.80010, 0.024086, 34.035, 5.9359, 0.24806, 0.25102),

@@ -13,7 +13,6 @@ from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
-import xarray as xr
 from problems import independent
 from seed_table import LOWEST, Row, SeedTable, per_cent, summed, totals
 
@@ -131,11 +130,8 @@ def estimates(
         quantiles=(0.9,),
     )
     found = analyze(runs, [asked], only=("moments", "exceedance", "quantiles"))["y"]
-    return np.vstack([found["exceedance"].values, found["mean"].values, _quantile(found)])
-
-
-def _quantile(found: dict[str, xr.DataArray]) -> FloatArray:
-    return np.asarray(found["quantile"].sel(probability=0.9).values)
+    quantile = found["quantile"].sel(probability=0.9).values
+    return np.vstack([found["exceedance"].values, found["mean"].values, quantile])
 
 
 def compared(one: FloatArray, other: FloatArray) -> FloatArray:

@@ -85,7 +85,7 @@ class Side(NamedTuple):
     def seconds(self, code: str, arguments: Sequence[str]) -> float:
         """Run code in a fresh process, and return the processor time that it took."""
         hidden = f"import sys; sys.modules.update(dict.fromkeys({list(self.without)!r}))\n"
-        before = _children_seconds()
+        before = children_seconds()
         subprocess.run(
             [sys.executable, "-c", hidden + code, *arguments],
             cwd=self.folder,
@@ -99,7 +99,7 @@ class Side(NamedTuple):
             capture_output=True,
             check=True,
         )
-        return _children_seconds() - before
+        return children_seconds() - before
 
 
 def main() -> None:
@@ -158,7 +158,8 @@ def _print_ratios(name: str, pairs: Sequence[Sequence[float]]) -> None:
     )
 
 
-def _children_seconds() -> float:
+def children_seconds() -> float:
+    """Return the processor time of all processes that were started and have ended."""
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return used.ru_utime + used.ru_stime
 
