@@ -176,15 +176,10 @@ class MeasuredOutput:
 
     def at(self, kept: IntArray) -> MeasuredOutput:
         """Return some of its rows."""
-        return MeasuredOutput(
-            self.output,
-            self.experiment[kept],
-            {name: values[kept] for name, values in self.places.items()},
-            self.values[kept],
-            self.censoring[kept],
-            self.lines[kept],
-            self.errors.at(kept),
-        )
+        names = ("experiment", "values", "censoring", "lines")
+        found: dict[str, Any] = {name: getattr(self, name)[kept] for name in names}
+        places = {name: values[kept] for name, values in self.places.items()}
+        return replace(self, **found, places=places, errors=self.errors.at(kept))
 
     def predicted(self, results: FloatArray) -> FloatArray:
         """Return the results at the rows, linear between declared coordinates.
