@@ -54,10 +54,10 @@ class ArchivedFile:
     """A file in an archive."""
 
     name: str  # as the study names it, with ``/`` between folders
-    sha256: str  # with size: of its bytes, as recorded
-    size: int
-    content: str  # with encoding: its bytes, as ``"utf-8"``, ``"base64"`` or ``"none"``
-    encoding: str
+    sha256: str  # of its bytes, as recorded
+    size: int  # of its bytes, as recorded
+    content: str  # its bytes in that encoding
+    encoding: str  # ``"utf-8"``, ``"base64"`` or ``"none"``
 
     @property
     def is_whole(self) -> bool:

@@ -194,8 +194,8 @@ NO_VERDICT = "no two methods have figures to compare"
 class Verdict:
     """Verdict of one comparison of methods."""
 
-    winner: str  # with runner_up: the methods with the smallest errors
-    runner_up: str
+    winner: str  # the method with the smallest errors
+    runner_up: str  # the one with the next
     lead: ErrorRatio  # the lead of the winner over the runner-up
     # The methods, the winner first, whose errors do not differ significantly from its own.
     level: tuple[str, ...]

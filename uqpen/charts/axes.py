@@ -38,8 +38,8 @@ _TICK_MARGIN, _SHORTEST = 0.08, 0.7
 class ValueAxis:
     """Axis of the values of an output, in the unit that is shown."""
 
-    lower: float  # with upper: its ends; both are above 0 if it is logarithmic
-    upper: float
+    lower: float  # lower end; above 0 if it is logarithmic
+    upper: float  # upper end
     is_cut: bool = False  # true if it leaves a long tail out
     is_logarithmic: bool = False  # true for the logarithm of the values
 

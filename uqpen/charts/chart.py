@@ -56,11 +56,10 @@ class RunsBeyondAxis(NamedTuple):
     """Values of a distribution function beyond the ends of its axis."""
 
     runs: int  # behind the function
-    smallest: float  # with largest: of these runs
-    largest: float
+    smallest: float  # of these runs
+    largest: float  # of these runs
     nothing: Sequence[float | None]  # the bounds below the smallest run
-    # With above: values of some runs there, in ascending order up to the most extreme one, each
-    # followed by the bounds at it.
+    # Values of some runs there, ascending up to the most extreme one, each with its bounds.
     below: Sequence[Sequence[float | None]]
     above: Sequence[Sequence[float | None]]
 
@@ -86,8 +85,8 @@ class ThresholdReadout:
 class PlaceColumn:
     """A statistic at each of the places of a curve."""
 
-    label: str  # with unit: what stands before and behind its estimates
-    unit: str
+    label: str  # what stands before its estimates
+    unit: str  # what stands behind them
     texts: Sequence[str]  # the estimates; `NOTHING` where there is none
     reasons: dict[int, str]  # why an estimate has no interval, by position of the place
 
@@ -104,8 +103,8 @@ class PlaceColumn:
 class PlaceReadout:
     """A place along the axis of a chart that a reader moves, and the estimates there."""
 
-    output: str  # with dimension: their titles
-    dimension: str
+    output: str  # its title
+    dimension: str  # its title
     values: Numbers  # the coordinates, in the unit of the axis
     heads: Sequence[str]  # the coordinates with their unit
     columns: Sequence[PlaceColumn]  # the statistics there

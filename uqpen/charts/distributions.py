@@ -253,8 +253,8 @@ class Curve:
     """A distribution function of an output by one source."""
 
     view: ArchiveView  # the model of the source
-    source: str  # with output: their names
-    output: str
+    source: str  # its name
+    output: str  # its name
     name: str  # what a legend calls it: the source, the model or the archive
     series: int  # its colour and dashes
     measure: Scale  # of the unit that is shown

@@ -111,8 +111,8 @@ class Band:
 class Points:
     """Points by themselves."""
 
-    x: Numbers  # with y: their places
-    y: Numbers
+    x: Numbers  # their places
+    y: Numbers  # their places
     series: Colour  # their colour
     hover: str = ""  # as of a `Line`
     name: str = ""  # as of a `Line`
@@ -158,8 +158,8 @@ class Bars:
 class HeatMap:
     """Estimates at places along two dimensions, as colours."""
 
-    x: FloatArray  # with y: the places, in ascending order
-    y: FloatArray
+    x: FloatArray  # the places, in ascending order
+    y: FloatArray  # the places, in ascending order
     bounds: FloatArray  # (y, x, bound): estimate, lower, upper
     unit: str  # text behind an estimate
 

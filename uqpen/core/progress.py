@@ -109,20 +109,16 @@ class StudyProgress:
     """Progress of a study at the moment of its last report."""
 
     step: str = ""  # the step under way, in words; empty while runs are made
-    # With steps: its number among the steps of the analysis, and their total; 0 for other steps.
-    step_number: int = 0
-    steps: int = 0
+    step_number: int = 0  # among the steps of the analysis; 0 for other steps
+    steps: int = 0  # their total
     design: str = ""  # the design whose runs are made
-    # With designs: its number among the designs, and their total; 0 where that is not known.
-    design_number: int = 0
-    designs: int = 0
+    design_number: int = 0  # among the designs; 0 where that is not known
+    designs: int = 0  # their total
     runs: int = 0  # approximate number of runs of all designs
-    # With restored, failed, in_progress: the finished runs of all designs, those of them that were
-    # made before, those that are missing, and the runs under way.
-    done: int = 0
-    restored: int = 0
-    failed: int = 0
-    in_progress: int = 0
+    done: int = 0  # the finished runs of all designs
+    restored: int = 0  # those of them that were made before
+    failed: int = 0  # those of them that are missing
+    in_progress: int = 0  # the runs under way
     runs_per_second: float | None = None  # rate of the last runs; None if it is not known yet
     # Time of the start of the step or the design, by the clock of the record, in seconds.
     began: float = 0.0

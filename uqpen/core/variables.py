@@ -30,10 +30,10 @@ MOST_DIMENSIONS = 3
 class Bounds:
     """Range of possible values of an input, in its SI unit."""
 
-    lower: float = -math.inf  # with upper: the ends of the interval
-    upper: float = math.inf
-    lower_included: bool = False  # with upper_included: whether the ends belong to it
-    upper_included: bool = False
+    lower: float = -math.inf  # the lower end
+    upper: float = math.inf  # the upper end
+    lower_included: bool = False  # whether the end belongs to it
+    upper_included: bool = False  # whether the end belongs to it
 
     def contain(self, values: FloatArray) -> BoolArray:
         """Return a mask of the values inside the bounds; NaN is never inside."""

@@ -43,12 +43,10 @@ _MOST_PANELS = 20_000
 class Recurrence:
     """Three-term recurrence of the monic orthogonal polynomials in t of a distribution."""
 
-    # With beta: (order + 1,): the coefficients; ``beta[0]`` is 1, the total probability.
-    alpha: FloatArray
-    beta: FloatArray
-    # With scale: parameters of the standardised variable: t = (x - location) / scale.
-    location: float
-    scale: float
+    alpha: FloatArray  # (order + 1,): the coefficients
+    beta: FloatArray  # (order + 1,): the same; ``beta[0]`` is 1, the total probability
+    location: float  # of the standardised variable t = (x - location) / scale
+    scale: float  # of the same
 
     @property
     def mean(self) -> float:

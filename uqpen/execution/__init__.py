@@ -62,8 +62,8 @@ class Executor(NamedTuple):
     # a function that shows a message if it `reports`. It returns a context manager with a `Map` for
     # the runs.
     function: str
-    metavar: str  # with help: of the option
-    help: str
+    metavar: str  # of the option
+    help: str  # of the option
     step: str  # preparation before the first run in words, with braces for the value
     is_count: bool = False  # true if the value is a whole number, 1 or more; a text otherwise
     in_this_process: int | None = None  # the value with which this process makes the runs itself

@@ -42,10 +42,10 @@ class Steps(NamedTuple):
 
     problem: IntArray  # (step,): position in the batch; ascending
     is_last: BoolArray  # (step,): true where the problem ends in this step
-    start: FloatArray  # with size: (step,): time where the step begins, and its length
-    size: FloatArray
-    before: FloatArray  # with after: (variable, step): states at both ends
-    after: FloatArray
+    start: FloatArray  # (step,): time where the step begins
+    size: FloatArray  # (step,): its length
+    before: FloatArray  # (variable, step): states where it begins
+    after: FloatArray  # (variable, step): states where it ends
     terms: FloatArray  # (term, variable, step): of the interpolant
 
     def states(self, step: IntArray, part: FloatArray) -> FloatArray:

@@ -140,11 +140,11 @@ def rigid_velocity(state: FloatArray, constants: FloatArray) -> FloatArray:
 class RigidMotion(NamedTuple):
     """Motion of rods that do not erode: 2 K du/dt = -(u² + B), (2.16) with u = v."""
 
-    inertia: FloatArray  # with resistance: (run,): k, m, and B, m2 s-2
-    resistance: FloatArray
-    velocity: FloatArray  # with depth, time: (run,): where it begins, m s-1, m, s
-    depth: FloatArray
-    time: FloatArray
+    inertia: FloatArray  # (run,): k, m
+    resistance: FloatArray  # (run,): B, m2 s-2
+    velocity: FloatArray  # (run,): where it begins, m s-1
+    depth: FloatArray  # (run,): the same, m
+    time: FloatArray  # (run,): the same, s
 
     @classmethod
     def after(cls, rods: Rods, state: FloatArray) -> RigidMotion:

@@ -14,8 +14,8 @@ class UnloadedModel(Model):
     """Model of an archive whose runs are known, but which cannot be run here."""
 
     name: str  # the reference that the study names
-    inputs: tuple[Input, ...]  # with outputs: the variables that the archive contains
-    outputs: tuple[Output, ...]
+    inputs: tuple[Input, ...]  # that the archive contains
+    outputs: tuple[Output, ...]  # that the archive contains
     # True for an object of another process, False for a class that is not trusted.
     is_absent: bool = False
 

@@ -45,8 +45,8 @@ _DIMENSIONS = (THRESHOLD, LOWER_THRESHOLD, EVENT)
 class Acceptance:
     """Accepted probabilities, and the verdict on an estimate."""
 
-    at_least: float  # with at_most: the limits; 0 and 1 where the study states none
-    at_most: float
+    at_least: float  # 0 where the study states none
+    at_most: float  # 1 where the study states none
     verdict: AcceptanceVerdict  # whether the estimate meets them
 
     @classmethod
@@ -144,14 +144,12 @@ def unseen_text(runs: xr.Dataset) -> str:
 class StatedDecision:
     """Decision on a claim, as an archive states it."""
 
-    claim: str  # with verdict: the claim; ``"held"``, ``"not held"`` or ``"undecided"``
-    verdict: str
+    claim: str
+    verdict: str  # ``"held"``, ``"not held"`` or ``"undecided"``
     runs: int  # number of runs after which it was decided
-    # With lower, upper: share of the completed runs with the event, and the interval of its
-    # probability.
-    probability: float
-    lower: float
-    upper: float
+    probability: float  # share of the completed runs with the event
+    lower: float  # end of the interval of its probability
+    upper: float  # the other end
 
     @classmethod
     def from_source(cls, attributes: Mapping[Any, Any]) -> StatedDecision | None:

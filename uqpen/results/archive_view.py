@@ -169,8 +169,8 @@ class ArchiveView:
 
     archive: xr.DataTree  # the whole
     model: str  # which of several models; empty of a single one
-    output: str | None = None  # with source: the selected ones; None for those that suit the figure
-    source: str | None = None
+    output: str | None = None  # the selected one; None for those that suit the figure
+    source: str | None = None  # the selected one; None for those that suit the figure
 
     @cached_property
     def tree(self) -> xr.DataTree:

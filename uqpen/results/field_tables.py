@@ -212,8 +212,8 @@ class CurveEstimates:
     """Estimates of an output along one dimension."""
 
     view: ArchiveView  # the part of an archive on one model
-    output: str  # with source: the curve, and the design or surrogate whose estimates they are
-    source: str
+    output: str  # the curve
+    source: str  # the design or surrogate whose estimates they are
     # Places at the most, evenly spread over the curve; all of them by default.
     most_places: int | None = None
 

@@ -20,8 +20,8 @@ class Disagreement(NamedTuple):
     """Two designs whose estimates of a probability are not compatible."""
 
     condition: str  # the event
-    first: str  # with second: names of the designs; the first has an interval
-    second: str
+    first: str  # name of a design that has an interval
+    second: str  # name of the other design
     # True if two intervals are disjoint, False if a value lies outside an interval.
     second_has_interval: bool
 

@@ -59,8 +59,8 @@ class ComparedMethod(NamedTuple):
     variants: Sequence[str]
     # Number of its colour and marker; the same for a design as one set and in replicates.
     series: int
-    runs: Sequence[int]  # with replicates: at each budget; no runs where it takes no part
-    replicates: Sequence[int]
+    runs: Sequence[int]  # at each budget; empty where it takes no part
+    replicates: Sequence[int]  # at each budget
 
     @property
     def name(self) -> str:

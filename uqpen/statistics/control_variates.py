@@ -98,10 +98,9 @@ _MISSED = 0.25
 class LinearEstimate:
     """Mean of a model, the standard error with its degrees of freedom, and the margins."""
 
-    # With error, freedom: the mean; its standard error, with Welch's degrees of freedom.
-    value: float
-    error: float
-    freedom: float
+    value: float  # the mean
+    error: float  # its standard error
+    freedom: float  # Welch's degrees of freedom of that
     # How far both ends of an interval move out beyond Student's t, for long tails.
     allowance: Margins
 
@@ -173,10 +172,8 @@ def _beyond(groups: Sequence[GroupRuns], covariance: FloatArray) -> Margins:
 class MatchedThresholds:
     """Values of a model and of its closest stand-in at common points, and of that at all points."""
 
-    # With stand_in: (run,): two runs at least, sorted by the model. The stand-in rises with it, its
-    # sign changed where it falls.
-    model: FloatArray
-    stand_in: FloatArray
+    model: FloatArray  # (run,): two runs at least, sorted
+    stand_in: FloatArray  # (run,): in that order; its sign is changed where it falls
     stand_in_everywhere: FloatArray  # (point,): sorted
     level: float  # confidence level of the intervals
 

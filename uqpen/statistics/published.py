@@ -34,8 +34,8 @@ class PublishedEstimates:
     """Estimates that a publication gives for one output."""
 
     output: Output
-    mean: float | None = quantity(default=None)  # with std: in the output's SI unit
-    std: float | None = difference(default=None)
+    mean: float | None = quantity(default=None)  # in the output's SI unit
+    std: float | None = difference(default=None)  # in the output's SI unit
     # By input: the relative response of the output, dimensionless.
     response: Mapping[str, float] = quantities(unit=DIMENSIONLESS)
     # The input whose contribution to the uncertainty it calls the largest; empty for none.

@@ -43,9 +43,9 @@ class AcceptanceLimits:
         If a limit is no probability, or no probability lies within both.
     """
 
-    # With at_least: the largest and the smallest accepted probability; None for no limit.
+    # Largest accepted probability; None for no limit.
     at_most: float | None = share(expected=_PROBABILITY, default=None)
-    at_least: float | None = share(expected=_PROBABILITY, default=None)
+    at_least: float | None = share(expected=_PROBABILITY, default=None)  # smallest accepted one
 
     def __post_init__(self) -> None:
         validate(self)

@@ -79,9 +79,9 @@ class RequiredRuns(NamedTuple):
     """Number of runs that a target takes, with its 90 % bootstrap interval."""
 
     target: str  # the target in words
-    runs: float  # with lower, upper: NaN where the pilot gives no interval of the statistic
-    lower: float
-    upper: float
+    runs: float  # NaN, as its ends, where the pilot gives no interval
+    lower: float  # end of the interval
+    upper: float  # end of the interval
 
 
 def required_runs(

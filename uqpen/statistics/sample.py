@@ -34,8 +34,8 @@ class Tally:
     sizes: IntArray  # (replicate,): number of runs
     sums: FloatArray  # (replicate,): of the column
     squares: float  # sum of the squared deviations from the mean
-    smallest: float  # with largest: the ends of the column
-    largest: float
+    smallest: float  # least value of the column
+    largest: float  # largest value of the column
 
     @classmethod
     def of_events(cls, sizes: IntArray, counts: IntArray) -> Tally:

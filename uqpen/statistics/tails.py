@@ -161,8 +161,8 @@ class FittedTail:
     ordered: FloatArray  # (run,): all runs, ascending, in the output's SI unit
     threshold: float  # in the same unit
     excesses: FloatArray  # (run,): of the runs beyond it
-    shape: float  # with scale: of the fitted generalised Pareto distribution
-    scale: float
+    shape: float  # of the fitted generalised Pareto distribution
+    scale: float  # of the same
     p_value: float  # of the fit
 
     @property

@@ -54,10 +54,8 @@ class ModelIdentity(NamedTuple):
 
     # Its name, and what distinguishes its versions, as in `Model.identity`.
     attributes: Mapping[str, str]
-    # With constraints: its table of the study, and the constraints, flattened; without the inputs
-    # that it sets.
-    table: Mapping[str, str]
-    constraints: Mapping[str, str]
+    table: Mapping[str, str]  # its table of the study, flattened, without the inputs that it sets
+    constraints: Mapping[str, str]  # the same of the constraints
     # The hashes of the files that it names, and of those that it has used so far, by name; in an
     # archive those of all models.
     files: Mapping[str, str]

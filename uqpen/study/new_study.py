@@ -404,9 +404,8 @@ class DataDraft:
 
     reference: str  # the path of the file as the study names it
     rows: int  # number of its runs
-    # With outputs: the columns that are inputs, and those that are taken for outputs.
-    inputs: tuple[DataColumn, ...]
-    outputs: tuple[DataColumn, ...]
+    inputs: tuple[DataColumn, ...]  # the columns that are inputs
+    outputs: tuple[DataColumn, ...]  # those that are taken for outputs
     guess: str  # why these are taken for outputs
     others: tuple[str, ...]  # the columns with a meaning of their own
     ignored: dict[str, str]  # why a column can be neither input nor output, by name

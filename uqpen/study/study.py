@@ -94,8 +94,8 @@ class SurrogateOrigin(NamedTuple):
 class ValidatedStudy:
     """A model, the joint distribution of its inputs, designs and quantities of interest."""
 
-    name: str  # with title: the study file's name without its suffix; the title to show
-    title: str
+    name: str  # the study file's name without its suffix
+    title: str  # the title to show
     seed: int  # seed of all random numbers
     # The models by name, all run at the same points; `ONLY_MODEL` names a single one. The inputs
     # and outputs of the first are the study's.

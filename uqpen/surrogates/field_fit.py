@@ -177,8 +177,8 @@ class FieldFit:
 
     output: Output  # the field
     components: PrincipalComponents
-    smallest: float  # with largest: the range of the field in the training runs
-    largest: float
+    smallest: float  # least value of the field in the training runs
+    largest: float  # largest value there
     # Share of the variance predicted at training runs left out; NaN if unknown.
     q2: float = math.nan
     # That of the end of curves that end.

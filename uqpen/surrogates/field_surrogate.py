@@ -29,9 +29,9 @@ class FieldSurrogate(FittedSurrogate):
     outputs: tuple[Output, ...]  # those that could be fitted
     scalars: FittedSurrogate  # A surrogate of any kind, of the scalar outputs and of the scores
     fields: Mapping[str, FieldFit]  # the components of each field
-    reasons: Mapping[str, str]  # with fixed, original: as in `FittedSurrogate`
-    fixed: Mapping[str, float]
-    original: Model | None = None
+    reasons: Mapping[str, str]  # as in `FittedSurrogate`
+    fixed: Mapping[str, float]  # as in `FittedSurrogate`
+    original: Model | None = None  # as in `FittedSurrogate`
 
     @property
     def random_inputs(self) -> tuple[str, ...]:

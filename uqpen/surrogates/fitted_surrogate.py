@@ -148,8 +148,8 @@ class FittedSurrogate(Model):
 class InputShares:
     """Shares of the variance of an output that the inputs have."""
 
-    first: FloatArray  # with total: (input,): first-order and total-order Sobol' indices
-    total: FloatArray
+    first: FloatArray  # (input,): first-order Sobol' indices
+    total: FloatArray  # (input,): total-order Sobol' indices
     shapley: FloatArray  # (input,): shapley effects; their sum is 1
 
 

@@ -90,8 +90,8 @@ class StandardisedInputs:
     """
 
     is_logarithm: IntArray  # (input,): 1 where the coordinate is of the input's logarithm
-    location: FloatArray  # with scale: (input,): of the input, or of its logarithm
-    scale: FloatArray
+    location: FloatArray  # (input,): of the input, or of its logarithm
+    scale: FloatArray  # (input,): of the same
     labels: IntArray  # (input,): number of its labels, or 0 for a number
 
     @classmethod
@@ -154,8 +154,7 @@ _LARGEST_DEVIATION = 15.0
 class GaussianProcessFit(OutputFit):
     """Gaussian process given the runs of an output, or of its logarithm."""
 
-    # With input_location, input_scale, input_labels: (input,): map from the inputs to coordinates;
-    # see `StandardisedInputs`.
+    # (input,): as `input_labels`, the map from the inputs to coordinates; see `StandardisedInputs`.
     input_is_logarithm: IntArray
     input_location: FloatArray
     input_scale: FloatArray
@@ -169,7 +168,7 @@ class GaussianProcessFit(OutputFit):
     trend: FloatArray
     std: float  # standard deviation of the process, with the factor that runs left out give it
     std_factor: float  # that factor
-    centre: float  # with scale: the fitted variable is `centre` plus `scale` times the process
+    centre: float  # the fitted variable is `centre` plus `scale` times the process
     scale: float
     smoothness: float  # that of the Matérn correlations
     q2: float  # share of the variance predicted at runs left out

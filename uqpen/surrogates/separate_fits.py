@@ -109,8 +109,8 @@ class FittedOutput:
 
     output: Output  # the model output that it approximates
     fit: OutputFit  # its predictions
-    smallest: float  # with largest: the range of the output in the training runs
-    largest: float
+    smallest: float  # least value of the output in the training runs
+    largest: float  # largest value there
     checks: tuple[Diagnostic, ...] = ()  # prediction errors at runs of another design
 
     def with_check(self, points: FloatArray, truth: FloatArray) -> FittedOutput:

@@ -29,11 +29,10 @@ _LARGEST = 1e140
 class TrainingRuns:
     """Completed runs of a design, for training."""
 
-    model: Model  # with joint: the model that made them, and the distribution of its inputs
-    joint: JointDistribution
-    # With outputs: (run,): the random inputs, and the outputs that have numbers, in SI units.
-    inputs: Mapping[str, FloatArray]
-    outputs: Mapping[str, FloatArray]
+    model: Model  # the model that made them
+    joint: JointDistribution  # the distribution of its inputs
+    inputs: Mapping[str, FloatArray]  # (run,): the random inputs, in SI units
+    outputs: Mapping[str, FloatArray]  # (run,): those that have numbers, in SI units
     fixed: Mapping[str, float]  # the other inputs, each with its one value
     # (run,): weights of an integration rule (`is_quadrature`), if all its nodes have completed.
     weights: FloatArray | None
@@ -176,10 +175,10 @@ class TrainedSurrogate(FittedSurrogate):
     name: str  # its name in the study
     inputs: tuple[Input, ...]  # those of the model that it stands for
     outputs: tuple[Output, ...]  # those that could be fitted
-    reasons: Mapping[str, str]  # with fixed, original: as in `FittedSurrogate`
-    fixed: Mapping[str, float]
+    reasons: Mapping[str, str]  # as in `FittedSurrogate`
+    fixed: Mapping[str, float]  # as in `FittedSurrogate`
     training: TrainingRecord  # the runs that it was fitted to
-    original: Model | None = None
+    original: Model | None = None  # as in `FittedSurrogate`
 
     @property
     def random_inputs(self) -> tuple[str, ...]:

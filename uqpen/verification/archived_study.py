@@ -66,12 +66,10 @@ _CODE_KEYS = ("use", *(key for key in USER_DEFINED_MODELS if key not in (OBJECT,
 class NamedCode(NamedTuple):
     """Code, Python objects and data files that the text of a study names."""
 
-    # With members, surrogates, analyses: code of models, of designs and distributions, of
-    # surrogates, and of analyses.
-    models: list[str]
-    members: list[str]
-    surrogates: list[str]
-    analyses: list[str]
+    models: list[str]  # code of models
+    members: list[str]  # code of designs and distributions
+    surrogates: list[str]  # code of surrogates
+    analyses: list[str]  # code of analyses
     objects: dict[str, list[str]]  # python objects by their kind
     data: list[str]  # files that runs come from
 

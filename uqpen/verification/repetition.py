@@ -60,8 +60,8 @@ class Repetition:
     # Number of runs to repeat, drawn at random from all; None for all, `SOME` for as many as show.
     number: int | None
     tolerance: float = 0.0  # largest relative difference; 0 where every bit must be the same
-    map: Map = map  # with progress: as for `uqpen.run`
-    progress: Progress = field(default_factory=Progress)
+    map: Map = map  # as for `uqpen.run`
+    progress: Progress = field(default_factory=Progress)  # as for `uqpen.run`
 
     def check_runs(self) -> Iterator[CheckResult]:
         """Repeat runs at the archived inputs and compare them with the archived runs.

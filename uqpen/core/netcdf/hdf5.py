@@ -40,8 +40,8 @@ class RefusedContentError(Exception):
 class ContentLimits:
     """Largest numbers of objects in a file, and the memory that their values may take."""
 
-    groups: int  # with variables: in the whole file
-    variables: int
+    groups: int  # in the whole file
+    variables: int  # in the whole file
     in_group: int  # variables in one group
     links: int  # groups and variables in one group
     attributes: int  # of one object

@@ -39,9 +39,8 @@ class ChainStates(NamedTuple):
     # (state,): how near it comes to the event; infinite for a failed run, and for an outcome that
     # is the event.
     performance: FloatArray
-    # With missing: (state,): whether the event occurs, and whether that is unknown.
-    occurs: BoolArray
-    missing: BoolArray
+    occurs: BoolArray  # (state,): whether the event occurs
+    missing: BoolArray  # (state,): whether that is unknown
 
     @classmethod
     def of(

@@ -51,7 +51,7 @@ ERROR = 0.05
 
 
 class ClaimVerdict(StrEnum):
-    """ClaimVerdict on a claim."""
+    """Verdict on a claim."""
 
     HELD = "held"
     """The claim is accepted."""
@@ -127,10 +127,8 @@ _PATTERN = re.compile(
 class Outcomes(NamedTuple):
     """Outcomes of the admissible runs, in their order."""
 
-    # With missing: (run,): whether the event occurred, and whether that is unknown as the run
-    # failed.
-    events: BoolArray
-    missing: BoolArray
+    events: BoolArray  # (run,): whether the event occurred
+    missing: BoolArray  # (run,): whether that is unknown, as the run failed
     numbers: IntArray  # (run,): number of each run among all runs of the design, from 1
 
 
@@ -141,8 +139,8 @@ class AcceptanceClaim:
     output: str  # name of the output
     # True for the event that the output exceeds the value, False for that it lies below.
     is_above: bool
-    value: str  # A value of the output, with its unit
-    is_less: bool  # true for the claim that the probability is less than the limit, False for more
+    value: str  # of the output, with its unit
+    is_less: bool  # whether the probability is claimed to be less than the limit, and not more
     limit: float  # between 0 and 1
 
     def outcomes(self, runs: xr.Dataset | BlockedRuns) -> Outcomes:

@@ -26,8 +26,8 @@ from uqpen.designs.stopping import STOPPING_RULES
 class StatisticName(NamedTuple):
     """Name of an estimate in an archive."""
 
-    output: str  # with statistic: names of the output and of the statistic in the catalogue
-    statistic: str
+    output: str  # name of the output
+    statistic: str  # name of the statistic in the catalogue
     # Coordinate along the statistic's dimension, such as a threshold; empty without one.
     label: str | float = ""
 

@@ -23,8 +23,8 @@ class DataModel(Model):
     """Runs of a model that is not here: their points and results."""
 
     name: str  # the name of the file
-    inputs: tuple[Input, ...]  # with outputs: the variables that the file has columns of
-    outputs: tuple[Output, ...]
+    inputs: tuple[Input, ...]  # that the file has columns of
+    outputs: tuple[Output, ...]  # that the file has columns of
     points: Arrays  # (run,): the inputs in SI units
     results: Results  # the outputs, and the status of each run
     file: FileSnapshot  # the file

@@ -41,8 +41,8 @@ from uqpen.study.document import parse_document
 class ModelPair:
     """The parts of two archives on a model of the same name."""
 
-    first: ArchiveView  # with second: of A and of B
-    second: ArchiveView
+    first: ArchiveView  # of archive A
+    second: ArchiveView  # of archive B
 
     @property
     def outputs(self) -> list[str]:
@@ -69,8 +69,8 @@ class ModelPair:
 class ArchivePair:
     """Two archives of studies."""
 
-    first: xr.DataTree  # with second: A and B
-    second: xr.DataTree
+    first: xr.DataTree  # archive A
+    second: xr.DataTree  # archive B
 
     @cached_property
     def models(self) -> dict[str, ModelPair]:

@@ -46,8 +46,8 @@ class InputScores:
     """
 
     distribution: Distribution  # of the input
-    mean: float  # with std: its moments, in the input's SI unit
-    std: float
+    mean: float  # of the input, in its SI unit
+    std: float  # of the same
     centre: FloatArray  # (2,): means of the functions that span the scores
     # (2, 2): of these functions in the score of the mean, and in that of the standard deviation.
     weights: FloatArray

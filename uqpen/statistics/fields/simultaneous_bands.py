@@ -434,11 +434,9 @@ _FEWEST_BAND_RUNS = 5
 class BandShape:
     """A family of bands around a median curve; a multiple of its distances gives one of them."""
 
-    # With below, above: (place,): the median curve, and the distances to the low and the high
-    # quantile; NaN where no run reaches.
-    median: FloatArray
-    below: FloatArray
-    above: FloatArray
+    median: FloatArray  # (place,): the median curve; NaN where no run reaches, as both next
+    below: FloatArray  # (place,): the distance to the low quantile
+    above: FloatArray  # (place,): the distance to the high quantile
     # Whether the distance of a value y below a median m is m ln(m / y), and not m - y. Both are
     # equal near the median, but no multiple of the former leads to zero.
     is_positive: bool

@@ -32,9 +32,8 @@ class _Correction(NamedTuple):
 
     weights: FloatArray  # (run,)
     predicted: BoolArray  # (run,): where the surrogate predicts the event
-    # With error: its probability by the surrogate, and the standard error of its sampling.
-    surrogate: float
-    error: float
+    surrogate: float  # its probability by the surrogate
+    error: float  # the standard error of its sampling
     # Weight of a further wrong prediction, where the event is predicted and where it is not.
     next_weights: tuple[float, float]
     level: float

@@ -145,10 +145,8 @@ class TailFunction:
     values: FloatArray  # (value,): those of all states, ascending
     # (replicate, value): probability beyond each value, given that a run completes.
     completed: FloatArray
-    # With largest: (replicate, value): the same where no failed run lies beyond it, and where all
-    # do.
-    lowest: FloatArray
-    largest: FloatArray
+    lowest: FloatArray  # (replicate, value): the same where no failed run lies beyond it
+    largest: FloatArray  # (replicate, value): the same where all of them do
 
     @classmethod
     def of(cls, runs: xr.Dataset, event: LimitState) -> TailFunction | None:

@@ -46,12 +46,10 @@ _NEARLY_ALL = 0.995
 class VarianceParts:
     """Variance of a variable, and the part of it that an input does not explain."""
 
-    # With left: (...): the variance, and its part about the lines of the input's bins.
-    total: FloatArray
-    left: FloatArray
-    # With left_influence: (..., run): the influence of each run on them, but for a constant.
-    squares: FloatArray
-    left_influence: FloatArray
+    total: FloatArray  # (...): the variance
+    left: FloatArray  # (...): its part about the lines of the input's bins
+    squares: FloatArray  # (..., run): influence of each run on `total`, but for a constant
+    left_influence: FloatArray  # (..., run): the same on `left`
     # (...): the part of the error of `left` from the products of pairs of runs.
     pair_noise: FloatArray
 
@@ -340,11 +338,10 @@ class _InputSums:
     """Sums over the places of a field, each with its weight, about the lines of one input."""
 
     squares: FloatArray  # (run,): squared distances of the runs from the mean of the field
-    # With left_influence: (run,): influence of each run on `variance` and on `left`, of mean 0.
-    influence: FloatArray
-    left_influence: FloatArray
-    variance: float = 0.0  # with left: the variance, and its part that the input does not explain
-    left: float = 0.0
+    influence: FloatArray  # (run,): influence of each run on `variance`, of mean 0
+    left_influence: FloatArray  # (run,): the same on `left`
+    variance: float = 0.0  # of the field
+    left: float = 0.0  # its part that the input does not explain
     # (bin, slot, slot): pair products.
     products: FloatArray = field(default_factory=lambda: np.zeros(1))
 

@@ -344,12 +344,10 @@ class FoldChoice:
 class FoldCounts:
     """Numbers of runs of each fold at which an event happened, or each of several events."""
 
-    # With by_fit, by_both, missing: (fold, ...): by the model, by the fold's fit, by both, and by
-    # the fit at missing runs. Of weighted runs, sums of weights.
-    by_model: Counts
-    by_fit: Counts
-    by_both: Counts
-    missing: Counts
+    by_model: Counts  # (fold, ...): by the model; sums of weights if runs are weighted
+    by_fit: Counts  # (fold, ...): by the fold's fit
+    by_both: Counts  # (fold, ...): by both
+    missing: Counts  # (fold, ...): by the fit at missing runs
     squares: FoldCounts | None = None  # the same sums of the squares of the weights
 
     @classmethod

@@ -35,10 +35,8 @@ class CorrectionRuns:
     runs with the fit to all training runs.
     """
 
-    # With predictions: (run,): the output by the model, and by the fit of the run's fold, in its SI
-    # unit.
-    values: FloatArray
-    predictions: FloatArray
+    values: FloatArray  # (run,): the output by the model, in its SI unit
+    predictions: FloatArray  # (run,): the same by the fit of the run's fold
     fold: IntArray  # (run,): the fold of each run, from 0
     # (fold, draw): the predictions of each fold's fit at draws of the input distribution given
     # admissible.
@@ -50,10 +48,9 @@ class CorrectionRuns:
     # (fold, 2): mean and standard deviation of each fold's fit, where they are known without draws.
     exact_moments: FloatArray | None = None
     level: float = LEVEL  # confidence level of the intervals
-    # With missing_weights: (run,): of completed and of missing runs that were placed by another
-    # density: that of the input distribution over that of their placement. Without them, all are 1.
-    weights: FloatArray | None = None
-    missing_weights: FloatArray | None = None
+    # Density of the input distribution over that by which runs were placed; None where all are 1.
+    weights: FloatArray | None = None  # (run,)
+    missing_weights: FloatArray | None = None  # (missing,)
     # (run, repeat): all runs at each point of a design that repeats them, NaN where one has failed.
     # A run of `values` is then the first of its point.
     repeats: FloatArray | None = None
@@ -189,8 +186,8 @@ class FoldFit:
     """Fit, and the completed and the missing runs that it has not seen."""
 
     model: FittedSurrogate  # of scalar outputs
-    completed: xr.Dataset  # with missing: inadmissible runs are neither
-    missing: xr.Dataset
+    completed: xr.Dataset  # runs with a result
+    missing: xr.Dataset  # runs without one, but for inadmissible ones
 
     @classmethod
     def of(cls, model: FittedSurrogate, runs: xr.Dataset) -> FoldFit:

@@ -41,11 +41,10 @@ class UnivariateBasis:
 
     name: str  # the input's
     is_logarithm: bool  # whether x is the input's logarithm
-    location: float  # with scale: parameters of the standardised variable ξ of x
-    scale: float
-    # With ratios: (degree + 1,): a_n and b_n from n = 0; b_0 is 1 and has no meaning.
-    centres: FloatArray
-    ratios: FloatArray
+    location: float  # of the standardised variable ξ of x
+    scale: float  # of the same
+    centres: FloatArray  # (degree + 1,): a_n from n = 0
+    ratios: FloatArray  # (degree + 1,): b_n from n = 0; b_0 is 1 and has no meaning
 
     @property
     def highest_degree(self) -> int:

@@ -97,9 +97,8 @@ class FitNoise:
     """Standard deviations of an expansion's estimates over refits."""
 
     refits: int  # number of refits; 0 where there is nothing to resample, and then the rest is NaN
-    # With std: of the mean and of the standard deviation of the variable that was fitted.
-    mean: float
-    std: float
+    mean: float  # of the mean of the variable that was fitted
+    std: float  # of its standard deviation
     first: FloatArray  # (input,): of the first-order indices
 
     @classmethod
@@ -184,8 +183,8 @@ class Expansion:
     # The same at runs that took no part in choosing the terms either. Infinite where it cannot be
     # estimated, as where one run alone decides a coefficient.
     cross_validation: float
-    smallest: float  # with largest: the range of the output in the training runs
-    largest: float
+    smallest: float  # least value of the output in the training runs
+    largest: float  # largest value there
     noise: FitNoise  # the scatter of estimates from refitting
     check: PredictionCheck = PredictionCheck()  # the prediction error at runs of another design
 

@@ -45,11 +45,10 @@ class Terms:
     coefficients: FloatArray  # (term,): theirs
     order: int  # the highest order of all the terms that they were chosen from
     truncation: float  # the truncation of these; see `uqpen.surrogates.chaos.basis.multi_indices`
-    # With cross_validation: mean square error as a share of the variance: see `RegressionFit`, and
-    # at runs that took no part in the choice of the terms either. The second is at least the first.
-    # Both are the same where all terms are kept, and NaN for a projection.
-    leave_one_out: float
-    cross_validation: float
+    # Mean square errors as a share of the variance: both the same where all terms are kept, and NaN
+    # for a projection.
+    leave_one_out: float  # see `RegressionFit`
+    cross_validation: float  # at runs that took no part in the choice of the terms either; no less
 
 
 @dataclass(frozen=True, eq=False)
