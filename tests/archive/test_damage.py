@@ -33,17 +33,15 @@ SINGLE = study_text("ishigami", **ASKED, designs=FIRST_DESIGN)
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
-    return _made(SEVERAL, tmp_path_factory)
+    path = tmp_path_factory.mktemp("whole") / "whole.nc"
+    uqpen.write(uqpen.run(uqpen.parse_study(SEVERAL)), path)
+    return path
 
 
 @pytest.fixture(scope="module")
-def single(tmp_path_factory):
-    return _made(SINGLE, tmp_path_factory)
-
-
-def _made(study, tmp_path_factory):
-    path = tmp_path_factory.mktemp("whole") / "whole.nc"
-    uqpen.write(uqpen.run(uqpen.parse_study(study)), path)
+def single(whole):
+    path = whole.with_name("single.nc")
+    uqpen.write(uqpen.run(uqpen.parse_study(SINGLE)), path)
     return path
 
 
@@ -224,18 +222,11 @@ OF_SEVERAL_MODELS = {
 }
 
 
-@pytest.mark.parametrize("how", list(OF_ONE_MODEL))
-def test_a_damaged_part_is_named(single, tmp_path, how):
-    _is_named(Path(shutil.copy(single, tmp_path / "copy.nc")), *OF_ONE_MODEL[how])
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("how", list(OF_SEVERAL_MODELS))
-def test_a_damaged_part_of_several_models_is_named(copy, how):
-    _is_named(copy, *OF_SEVERAL_MODELS[how])
-
-
-def _is_named(copy, change, message):
+@pytest.mark.parametrize("how", [*OF_ONE_MODEL, *OF_SEVERAL_MODELS])
+def test_a_damaged_part_is_named(single, whole, tmp_path, how):
+    copy = Path(shutil.copy(single if how in OF_ONE_MODEL else whole, tmp_path / "copy.nc"))
+    change, message = {**OF_ONE_MODEL, **OF_SEVERAL_MODELS}[how]
     with netCDF4.Dataset(copy, "a") as root:
         change(root)
     with pytest.raises(ArchiveError) as caught:

@@ -116,22 +116,16 @@ class TestExport:
 class TestNames:
     def test_a_design_may_have_the_name_of_the_reference(self, uqpen):
         text = STUDY.replace("monte_carlo", "reference").replace(
-            "[designs.latin_hypercube]", "[designs.reference_]"
+            "s.latin_hypercube", "s.reference_"
         )
-        Path("names.toml").write_text(
-            text + '[designs.reference__replicated]\nkind = "sobol-sequence"\nruns = 64\n',
-            encoding="utf-8",
-        )
+        text += '[designs.reference__replicated]\nkind = "sobol-sequence"\nruns = 64\n'
+        Path("names.toml").write_text(text, encoding="utf-8")
         shown = uqpen("compare", "names.toml", *SHORT)
         assert shown.code == 0
         found = json.loads(uqpen("show", "archives/names_compare.nc", "--json").out)
-        assert set(found["methods"]) == {
-            "reference",
-            "reference_",
-            "reference_ replicated",
-            "reference__replicated",
-            "reference__replicated replicated",
-        }
+        names = ("reference_", "reference__replicated")
+        replicated = (f"{name} replicated" for name in names)
+        assert set(found["methods"]) == {"reference", *names, *replicated}
         assert found["reference_runs"] == 512
 
 

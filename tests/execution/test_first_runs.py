@@ -144,13 +144,10 @@ def test_a_study_stops_after_ten_runs_that_failed_alike_with_any_workers(tmp_pat
     assert runs.sizes["lost_run"] == 50
 
 
-def test_a_study_ends_by_itself_where_no_run_is_left(tmp_path):
+def test_a_study_goes_on_where_no_run_is_left_or_first_runs_fail_in_two_ways(tmp_path):
     study = study_of(tmp_path, ALL_FAIL)
     short = uqpen.parse_study(study.text.replace("runs = 50", "runs = 10"), folder=tmp_path)
     assert uqpen.run(short)["runs/some"].sizes["lost_run"] == 10
-
-
-def test_a_study_goes_on_where_its_first_runs_fail_in_two_ways(tmp_path):
     fails = "def simulate(x):\n    raise ValueError('negative' if x < 0 else 'positive')\n"
     assert uqpen.run(study_of(tmp_path, fails))["runs/some"].sizes["lost_run"] == 50
 

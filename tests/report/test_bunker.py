@@ -97,13 +97,8 @@ def test_the_thickness_stands_beside_the_verdict(bunker, page):
     head = "Depth of penetration, limit for 95 % of cases".replace("for ", "for ")
     text = found[head]
     assert all(f" by {model}" in text for model in MODELS)
-    bounds = [
-        100
-        * bunker[f"models/{model}/statistics/monte_carlo/penetration_depth"][
-            "tolerance_limit"
-        ].values[0, 2]
-        for model in MODELS
-    ]
+    depths = (bunker[f"models/{m}/statistics/monte_carlo/penetration_depth"] for m in MODELS)
+    bounds = [100 * each["tolerance_limit"].values[0, 2] for each in depths]
     reported = [float(each) for each in re.findall(r"([\d.]+) cm by", text)]
     # Rounded up to the digits that are shown, so that each remains a bound.
     np.testing.assert_allclose(reported, sorted(bounds), rtol=0.02)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from study_text import study_text
 
 import uqpen
 from uqpen.charts.chart import Charts
@@ -12,15 +13,7 @@ from uqpen.results.archive_view import ArchiveView
 
 pytestmark = pytest.mark.slow
 
-LINE = """
-seed = 3
-[model]
-use = "ishigami"
-[inputs]
-x1 = { uniform = { lower = -3, upper = 3 } }
-x2 = { uniform = { lower = -3, upper = 3 } }
-x3 = 1
-"""
+LINE = study_text("ishigami", seed=3, inputs={"x1": (-3, 3), "x2": (-3, 3), "x3": 1})
 
 
 def reported(tree, model=""):

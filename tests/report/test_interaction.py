@@ -373,12 +373,13 @@ class TestSaving:
 
     def test_the_link_to_a_chart_has_the_threshold(self, page):
         page.evaluate(CLIPBOARD)
+        _type(page, 0, "0.6")
         figure = page.locator("#scatter .charts figure").first
         figure.get_by_text("Save or link").click()
         figure.get_by_role("button", name="Copy the link").click()
         place, _, reading = page.evaluate("window.copied").partition("#")[2].partition("&")
         assert place == figure.get_attribute("id") == "scatter-y-y-against-a"
-        assert "y>0.5_m" in reading
+        assert "y>0.6_m" in reading
 
 
 CLIPBOARD = """Object.defineProperty(navigator, "clipboard", {

@@ -99,14 +99,6 @@ def test_it_is_repeated_with_no_file_around(uqpen, made):
     assert Path("own_rerun.nc").read_bytes() == (made / "own.nc").read_bytes()
 
 
-def test_without_trust_its_code_is_not_executed(uqpen):
-    done = uqpen("verify", "own.nc")
-    assert done.code == 0, done.out
-    assert "computed again: bit-equal" in done.out
-    assert uqpen("rerun", "own.nc").code == 2
-    assert not Path("executed").exists()
-
-
 def test_other_files_around_do_not_count(uqpen):
     Path("points.csv").write_text("x,z\n5,5\n6,6\n")
     Path("beside.py").write_text("def cube(x):\n    return 0\n")
