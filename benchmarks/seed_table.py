@@ -6,6 +6,8 @@ was stopped goes on behind what its file has; files of other seeds add up:
 
     python benchmarks/SCRIPT.py --seeds 1000 --output FILE.csv
     python benchmarks/SCRIPT.py --from FILE.csv … --markdown docs/PAGE.md
+
+A script of several tables takes the name of one as its first argument (`main`).
 """
 
 from __future__ import annotations

@@ -11,11 +11,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 from scipy import special
-from seed_table import Case, Row, SeedTable, grouped, lines
+from seed_table import Row, SeedTable, grouped, lines
 
 from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.model import Output
@@ -68,14 +69,6 @@ _NODES = np.linspace(-8.2, 8.2, 20_001)
 _SHARES = np.exp(-(_NODES**2) / 2) / np.exp(-(_NODES**2) / 2).sum()
 
 
-def sensitivity_cases() -> Iterator[Asked]:
-    """Yield the cases of sensitivities of a probability."""
-    inputs = (Normal(0.0, 1.0), Lognormal(1.0, 0.5), Uniform(0.0, 1.0))
-    for distribution in inputs:
-        for limit, runs in ((1.5, (200,)), (2.5, (1000,)), (3.2, (1000, 10_000))):
-            yield _sensitivity_case(distribution, limit, runs)
-
-
 def _sensitivity_case(distribution: Distribution, limit: float, runs: Sequence[int]) -> Asked:
     scores = InputScores.of(distribution)
     if scores is None:
@@ -115,13 +108,6 @@ PERIODS = (50.0, 1e2, 1e3, 1e4, 1e5)
 SIZES = (200, 1000, 10_000)
 
 
-def shortfall_cases() -> Iterator[Asked]:
-    """Yield the cases of expected shortfall: functions of one normal variable."""
-    for name, function in OUTPUTS.items():
-        exact = [_shortfall(function, level) for level in LEVELS]
-        yield name, SIZES, partial(_shortfalls, function, exact)
-
-
 def _shortfall(function: Callable[[FloatArray], FloatArray], level: float) -> float:
     """Return the mean beyond a quantile, by an integral over the probability beyond."""
     nodes, weights = np.polynomial.legendre.leggauss(400)
@@ -141,12 +127,6 @@ def _shortfalls(
         yield f"expected shortfall at {level:g}", truth, Estimate(*values, "", "")
 
 
-def return_level_cases() -> Iterator[Asked]:
-    """Yield the cases of return levels, of the same functions."""
-    for name, function in OUTPUTS.items():
-        yield name, (1000, 10_000), partial(_return_levels, function)
-
-
 def _return_levels(
     function: Callable[[FloatArray], FloatArray], drawn: Drawn
 ) -> Iterator[tuple[str, float, Estimate]]:
@@ -158,20 +138,20 @@ def _return_levels(
         yield f"return level of {period:g} cases", truth, Estimate(*values, "", "")
 
 
-CASES = {
-    f"{name}, {title}": (sizes, ask)
-    for name, cases in (
-        ("sensitivity", sensitivity_cases()),
-        ("shortfall", shortfall_cases()),
-        ("return-level", return_level_cases()),
-    )
-    for title, sizes, ask in cases
-}
+def _asked() -> Iterator[Asked]:
+    """Yield the cases: sensitivities of a probability, and functions of one normal variable."""
+    for distribution in (Normal(0.0, 1.0), Lognormal(1.0, 0.5), Uniform(0.0, 1.0)):
+        for limit, runs in ((1.5, (200,)), (2.5, (1000,)), (3.2, (1000, 10_000))):
+            title, *others = _sensitivity_case(distribution, limit, runs)
+            yield f"sensitivity, {title}", *others
+    for name, function in OUTPUTS.items():
+        exact = [_shortfall(function, level) for level in LEVELS]
+        yield f"shortfall, {name}", SIZES, partial(_shortfalls, function, exact)
+    for name, function in OUTPUTS.items():
+        yield f"return-level, {name}", SIZES[1:], partial(_return_levels, function)
 
 
-def _cases() -> Iterator[Case]:
-    for title, (sizes, _) in CASES.items():
-        yield from ((title, runs, design) for runs in sizes for design in DESIGNS)
+CASES = {title: (sizes, ask) for title, sizes, ask in _asked()}
 
 
 def _rows(title: str, runs: int, design: str, seeds: Sequence[int]) -> Iterator[Row]:
@@ -202,7 +182,16 @@ def _texts(rows: Sequence[Row]) -> list[str]:
 
 
 TABLE = SeedTable(
-    ("case", "runs", "design"), _rows, {"": _page}, seeds=400, at_once=10, cases=_cases
+    ("case", "runs", "design"),
+    _rows,
+    {"": _page},
+    seeds=400,
+    at_once=10,
+    cases=lambda: (
+        (title, runs, design)
+        for title, (sizes, _) in CASES.items()
+        for runs, design in product(sizes, DESIGNS)
+    ),
 )
 
 if __name__ == "__main__":

@@ -187,7 +187,11 @@ def true_values(case: UseCase) -> Iterator[Truth]:
         assert np.isfinite(outputs[-1]).all(), case.name
     for number, name in enumerate(case.outputs):
         truth = _truth(inputs, [each[:, number] for each in outputs])
-        yield _without_variance(truth) if name in INFINITE_VARIANCE else truth
+        if name in INFINITE_VARIANCE:
+            changed = {"std": math.inf, "first_order": math.nan}
+            errors = {**truth.errors, **dict.fromkeys(changed, 0.0)}
+            truth = replace(truth, values={**truth.values, **changed}, errors=errors)
+        yield truth
 
 
 def _truth(inputs: Sequence[FloatArray], outputs: Sequence[FloatArray]) -> Truth:
@@ -206,12 +210,6 @@ def _truth(inputs: Sequence[FloatArray], outputs: Sequence[FloatArray]) -> Truth
     return Truth(
         values | {"first_order": index}, errors | {"first_order": error}, threshold, driver
     )
-
-
-def _without_variance(truth: Truth) -> Truth:
-    changed = {"std": math.inf, "first_order": math.nan}
-    errors = {**truth.errors, **dict.fromkeys(changed, 0.0)}
-    return replace(truth, values={**truth.values, **changed}, errors=errors)
 
 
 def _statistics(driver: FloatArray, values: FloatArray, threshold: float) -> dict[str, float]:
@@ -291,14 +289,18 @@ def _cell(estimate: xr.DataArray, truth: float) -> Cell | None:
 
 
 @cache
-def _found(name: str) -> tuple[UseCase, list[Truth]]:
-    case = next(each for each in use_cases() if each.name == name)
-    return case, list(true_values(case))
+def _use_cases() -> dict[str, UseCase]:
+    return {case.name: case for case in use_cases()}
+
+
+@cache
+def _truths(name: str) -> list[Truth]:
+    return list(true_values(_use_cases()[name]))
 
 
 def _rows(name: str, design: str, seeds: Sequence[int]) -> Iterator[Row]:
     """Yield the numbers of intervals by note, and of those that cover, by output and statistic."""
-    case, truths = _found(name)
+    case, truths = _use_cases()[name], _truths(name)
     for number, (output, truth) in enumerate(zip(case.outputs, truths, strict=True)):
         found = [_cells(case, number, design, truth, seed) for seed in seeds]
         for statistic in STATISTICS:
@@ -419,7 +421,7 @@ TABLE = SeedTable(
     _failing,
     seeds=20,
     at_once=20,
-    cases=lambda: product((each.name for each in use_cases()), DESIGNS),
+    cases=lambda: product(_use_cases(), DESIGNS),
 )
 
 
@@ -447,16 +449,6 @@ COUNTS = {
 }
 # Marginals of these classes have bounds; polynomials then are of uniform inputs.
 _BOUNDED = ("Uniform", "Beta", "Triangular", "TruncatedNormal", "Dirac")
-
-
-@cache
-def _use_cases() -> dict[str, UseCase]:
-    return {case.name: case for case in use_cases()}
-
-
-@cache
-def _truths(name: str) -> list[Truth]:
-    return list(true_values(_use_cases()[name]))
 
 
 def _surrogate_rows(name: str, kind: str, runs: int, seeds: Sequence[int]) -> Iterator[Row]:

@@ -60,6 +60,44 @@ def test_a_cell_that_fails_is_named_and_the_exit_code_is_1(made, capsys):
     assert "FAILS too large" in capsys.readouterr().out
 
 
+def test_a_script_of_several_tables_makes_the_one_that_is_named(monkeypatch, tmp_path, capsys):
+    tables = {
+        name: seed_table.SeedTable(
+            {"name": (name,)},
+            lambda _, seeds: [{"sum": sum(seeds)}],
+            {"sums": seed_table.summed({name: "sum"}, "name")},
+        )
+        for name in ("one", "two")
+    }
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["sums.py", "two", "--seeds", "3"])
+    seed_table.main(tables, "Tables.")
+    assert "| two |\n|---|\n| 3 |" in capsys.readouterr().out
+    assert [file.name for file in tmp_path.iterdir()] == ["sums_two.csv"]
+    monkeypatch.setattr(sys, "argv", ["sums.py", "--seeds", "3"])
+    with pytest.raises(SystemExit, match="which table\\? the first argument is one of one, two"):
+        seed_table.main(tables, "Tables.")
+
+
+def test_a_table_of_two_keys_has_a_text_for_cells_that_are_not_there():
+    rows = [{"row": row, "column": column, "n": 2} for row, column in ("ax", "bx", "by", "by")]
+    cells = seed_table.totals(rows, "row", "column").values()
+    found = seed_table.cross_table(
+        cells,
+        "",
+        lambda cell: cell.row,
+        lambda cell: cell.column,
+        lambda some: sum(cell.n for cell in some),
+        columns=("z",),
+    )
+    assert [*found] == [
+        "| | z | x | y |",
+        "|---|---|---|---|",
+        "| a | 0 | 2 | 0 |",
+        "| b | 0 | 2 | 4 |",
+    ]
+
+
 def test_a_page_without_the_marks_is_left_alone(tmp_path):
     page = tmp_path / "page.md"
     page.write_text("nothing\n")
