@@ -519,7 +519,8 @@ def _failing(rows: Sequence[Row]) -> Iterator[str]:
 def _page(rows: Sequence[Row]) -> Iterator[str]:
     """Lowest and highest coverage over the inputs of an index, by model and design."""
     cells = _cells([row for row in rows if row["design"] in DESIGNS])
-    seeds = {cell.design: cell.count for cell in cells}
+    counts = {cell.design: cell.count for cell in cells}
+    seeds = {design: counts[design] for design in DESIGNS if design in counts}
     for statistic in dict.fromkeys(cell.statistic.split()[0] for cell in cells):
         own = [cell for cell in cells if cell.statistic.split()[0] == statistic]
         yield from cross_table(own, statistic, _title, attrgetter("design"), _text, seeds)

@@ -197,11 +197,14 @@ def _failing(rows: Sequence[Row]) -> Iterator[str]:
 
 def _page(rows: Sequence[Row]) -> Iterator[str]:
     cells = _cells(rows).values()
+    counts = {cell.design: cell.count for cell in cells}
+    seeds = {design: counts[design] for design in DESIGNS if design in counts}
     for statistic, title in STATISTICS.items():
         own = [cell for cell in cells if cell.statistic == statistic]
-        yield from cross_table(own, title, attrgetter("function"), attrgetter("design"), _text)
+        yield from cross_table(
+            own, title, attrgetter("function"), attrgetter("design"), _text, seeds
+        )
         yield ""
-    seeds = {cell.design: cell.count for cell in cells}
     yield f"Seeds: {', '.join(f'{count} for {design}' for design, count in seeds.items())}."
 
 
