@@ -139,7 +139,7 @@ def _read_section(name: str, section: TableReader, model: Model) -> MeasuredOutp
         if written is not None
         and (std := _difference(section, ("conditions", each), written, inputs[each].unit))
     }
-    is_left_out = _left_out_rows(section, labels, rows, label, file)
+    is_left_out = _left_out_rows(rows, labels, label, file)
     of_rows = rows, experiment, {each: inputs[each] for each in conditions}, is_left_out
     read_outputs = (_read_output(inside, outputs[key], *of_rows) for key, inside in tables.items())
     measured = [of_output for of_output in read_outputs if of_output is not None]
@@ -189,11 +189,7 @@ def _divided(
 
 
 def _left_out_rows(
-    section: TableReader,
-    labels: Sequence[Any],
-    rows: _Table,
-    label: str | None,
-    file: FileSnapshot | None,
+    rows: _Table, labels: Sequence[Any], label: str | None, file: FileSnapshot | None
 ) -> BoolArray:
     """Return True for the rows that no fit learns from."""
     found: BoolArray = np.zeros(rows.rows, dtype=np.bool_)
@@ -207,9 +203,9 @@ def _left_out_rows(
         is_number = isinstance(each, int | float) and not isinstance(each, bool)
         own = np.zeros_like(found)
         if is_number or (is_text and isinstance(each, str)):
-            own = np.equal(numbers, texts.index(texts[place]) if is_text else each)
+            own = np.equal(numbers, texts.index(str(each)) if is_text else each)
         if not own.any():
-            section.add_wrong((_HOLD_OUT, place), each, expected)
+            rows.section.add_wrong((_HOLD_OUT, place), each, expected)
         found = found | own
     return found
 

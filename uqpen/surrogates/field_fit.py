@@ -36,7 +36,7 @@ from uqpen.surrogates.training import size_problem
 class ScoreModel(Model):
     """Model whose outputs are those of another one, with scores in place of its fields."""
 
-    original: Model  # A model with fields
+    original: Model  # with fields
     # Those of each field; a field without any is left out.
     components: Mapping[str, PrincipalComponents]
     has_scalars: bool = True  # whether the scalar outputs are among its own
@@ -179,10 +179,8 @@ class FieldFit:
     components: PrincipalComponents
     smallest: float  # least value of the field in the training runs
     largest: float  # largest value there
-    # Share of the variance predicted at training runs left out; NaN if unknown.
-    q2: float = math.nan
-    # That of the end of curves that end.
-    end_q2: float = math.nan
+    q2: float = math.nan  # share of the variance predicted at training runs left out, if known
+    end_q2: float = math.nan  # that of the end of curves that end
     check: FieldCheck | None = None
 
     @classmethod
@@ -344,10 +342,8 @@ class FieldFit:
         values = {
             key: np.asarray(dataset[key].values, dtype=np.float64) for key in dataset.data_vars
         }
-        found = {
-            str(key): float(each.values)
-            for key, each in group.children[DIAGNOSTICS].data_vars.items()
-        }
+        diagnostics = group.children[DIAGNOSTICS].data_vars
+        found = {str(key): float(each.values) for key, each in diagnostics.items()}
         check = None
         if "check_q2" in values:
             left, truncation = (float(attributes[f"check_{key}"]) for key in ("left", "truncation"))

@@ -51,13 +51,9 @@ def subset_probability(runs: xr.Dataset, event: LimitState, level: float) -> Rar
         if not (levels := subset_levels(runs, outcomes, event, members)):
             nothing = Estimate.without_bounds(math.nan, texts.NO_ADMISSIBLE_REPLICATE)
             return RareEventProbability(nothing)
-        probability, states = levels[-1].probability, levels[-1].states
-        found.append(
-            ReplicateProbability(
-                probability * float(states.occurs.mean()),
-                probability * float(states.missing.mean()),
-            )
-        )
+        probability, _, states = levels[-1]
+        shares = float(states.occurs.mean()), float(states.missing.mean())
+        found.append(ReplicateProbability(*(probability * share for share in shares)))
     plain = 3 / runs.sizes[RUN]  # the rule of three
     unmet = texts.UNMET_PART.format(probability=plain)
     estimate = replicate_interval(found, level)
@@ -161,12 +157,8 @@ class TailFunction:
             if not (levels := subset_levels(runs, outcomes, event, members)):
                 return None
             by_replicate.append(levels)
-        known = [
-            values[each.states.runs[~each.states.missing]]
-            for levels in by_replicate
-            for each in levels
-        ]
-        at = np.unique(np.concatenate(known))
+        every = [level.states for levels in by_replicate for level in levels]
+        at = np.unique(np.concatenate([values[each.runs[~each.missing]] for each in every]))
         tables = [_probabilities(levels, values, at) for levels in by_replicate]
         beyond = np.array([each[0] for each in tables])
         missing = np.array([each[1] for each in tables])
@@ -191,10 +183,8 @@ class TailFunction:
         lower = self._first(_ends(self.lowest, level, -1) <= probability)
         upper = self._first(_ends(self.largest, level, +1) <= probability)
         furthest = np.nanmax([lower, upper, -math.inf])
-        beyond = self.completed[
-            :, min(np.searchsorted(self.values, furthest), len(self.values) - 1)
-        ]
-        return lower, upper, bool((beyond > 0).all())
+        place = min(np.searchsorted(self.values, furthest), len(self.values) - 1)
+        return lower, upper, bool((self.completed[:, place] > 0).all())
 
     def _first(self, condition: BoolArray) -> float:
         """Return the first value from which on a condition holds; NaN at the end of all states.
@@ -341,9 +331,7 @@ def _tolerance_limit(
     # A one-sided bound at 95 % is the upper end of a two-sided interval at 90 %.
     _, upper, is_met = tail.bounds(1 - content, 2 * level - 1)
     found = _estimate(tail.quantile(1 - content), (math.nan, upper), is_above, is_met)
-    if found.label == "none":
-        return found
-    return found.with_method(texts.ONE_SIDED)
+    return found if found.label == "none" else found.with_method(texts.ONE_SIDED)
 
 
 def _estimate(value: float, ends: tuple[float, float], is_above: bool, is_met: bool) -> Estimate:
