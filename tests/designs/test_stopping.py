@@ -378,10 +378,6 @@ class TestShown:
         assert cell.endswith(" ¹")
         assert " ".join(table.notes[0].split()) == note
 
-    def test_a_fixed_number_has_none(self):
-        (table,) = statistics_tables(made("runs = 600"))
-        assert table.rows[0] == ("runs", ["600"])
-
     def test_in_json(self):
         found = archive_json(made(NEVER))["designs"]["one"]
         assert found["stopping_rule"].startswith("until the mean of y within 1e-06")

@@ -110,21 +110,6 @@ def test_mean_and_std_are_scipys(distribution, scipys):
     assert found.std == pytest.approx(scipys.std(), rel=1e-10)
 
 
-def test_the_rules_are_chaospys():
-    import chaospy
-
-    for distribution, theirs in (
-        (Normal(2.0, 0.5), chaospy.Normal(2.0, 0.5)),
-        (Uniform(-1.0, 3.0), chaospy.Uniform(-1.0, 3.0)),
-        (Beta(2.0, 3.5, -1.0, 3.0), chaospy.Beta(2.0, 3.5, -1.0, 3.0)),
-        (Gamma(2.0, 0.5), chaospy.Gamma(16.0, 0.125)),
-    ):
-        nodes, weights = chaospy.generate_quadrature(5, theirs, rule="gaussian")
-        ours = recurrence(distribution, 5).gauss(6)
-        np.testing.assert_allclose(ours[0], nodes[0], rtol=1e-9)
-        np.testing.assert_allclose(ours[1], weights, rtol=1e-7)
-
-
 class TwoValues(Distribution):
     """A law of two values: of few polynomials, and with a jump."""
 

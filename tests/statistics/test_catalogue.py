@@ -20,7 +20,7 @@ from uqpen.core.catalogue import (
 )
 from uqpen.core.lookup import resolve
 from uqpen.core.model import Output
-from uqpen.core.statistic import Shown, UnitRule, derived
+from uqpen.core.statistic import UnitRule
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.statistics.analyze import analyze, analyze_failures
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
@@ -97,21 +97,6 @@ def test_every_statistic_of_the_inputs_is_a_measure_with_words_and_a_place_of_it
 
 def of_input(statistic):
     return not {"input", "pair"}.isdisjoint(statistic.dims)
-
-
-def test_a_derived_record_differs_only_as_stated():
-    shown = Shown("error of the {entry}")
-    error = derived(
-        CATALOGUE["quantile"], "error_", "error of the {title}", ("budget",), shown=shown
-    )
-    assert (error.name, error.title, error.of) == (
-        "error_quantile",
-        "error of the quantile",
-        "quantile",
-    )
-    assert error.dims == ("budget", "probability")
-    assert error.shown == shown
-    assert error.unit is UnitRule.VALUE
 
 
 def has_dims_of(array, entry):

@@ -98,11 +98,3 @@ def test_runs_that_disagree_are_counted_as_by_hand(pairs):
         assert found.value[2 * k] == pytest.approx(float(expected.value))
         assert found.lower[2 * k] == pytest.approx(float(expected.lower))
         assert found.upper[2 * k] == pytest.approx(float(expected.upper))
-
-
-def test_the_sign_of_a_stand_in_does_not_matter():
-    made = noisy(5, 0.2)
-    flip = np.array([[1.0], [-1.0]])
-    turned = [GroupRuns(each.models, flip * each.values) for each in made]
-    one, other = (MatchedThresholds.of(each, 0.95) for each in (made, turned))
-    assert one.quantile(0.3) == pytest.approx(other.quantile(0.3))

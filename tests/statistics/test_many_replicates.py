@@ -1,23 +1,13 @@
 """Samples of very many replicates."""
 
 import numpy as np
-
-from uqpen.core.sampling import Sampling
-from uqpen.statistics.input_columns import InputColumns
-from uqpen.statistics.sample import Sample
+from drawn_samples import sample_of_values
 
 
 def test_counts_of_many_replicates_come_some_at_a_time_and_are_those_of_each():
     rng = np.random.default_rng(3)
     replicates = np.sort(rng.integers(0, 2_000, 9_000))  # of any size, some of them empty
-    sample = Sample(
-        values=rng.integers(0, 50, 9_000).astype(np.float64),
-        used=np.arange(9_000),
-        missing=np.empty(0, dtype=np.int64),
-        columns=InputColumns.none(9_000),
-        replicates=replicates,
-        sampling=Sampling.STRATIFIED,
-    )
+    sample = sample_of_values(rng.integers(0, 50, 9_000).astype(float), replicates=replicates)
     values = np.array([-1.0, 10.0, 10.5, 50.0])
     parts = [*sample.counts_by_replicate(values)]
     assert max(map(len, parts)) <= 1_024

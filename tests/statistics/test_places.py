@@ -23,7 +23,6 @@ from uqpen.statistics.distribution_function.probabilities import (
     exceedance_probabilities,
 )
 from uqpen.statistics.distribution_function.quantiles import quantile_estimates
-from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.fields import field_sample
 from uqpen.statistics.moments.sample_moments import sample_moments
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
@@ -157,21 +156,3 @@ def test_a_place_that_no_run_reaches_says_so():
         texts.NO_RUN,
     ]
     assert np.isnan(mean.values[-1]).all()
-
-
-def test_estimates_are_put_along_a_dimension():
-    estimates = [Estimate(1.0, 0.0, 2.0, "a", "nominal"), Estimate.without_bounds(3.0, "why")]
-    together = Estimate.stacked(estimates)
-    array = together.to_array("probability", units="1", long_name="")
-    np.testing.assert_array_equal(array.values, [each.bounds for each in estimates])
-    assert array.coords["note"].values.tolist() == ["", "why"]
-    assert repr(together.each()) == repr(estimates)
-
-
-def test_estimates_at_parts_of_the_places_are_joined_in_their_order():
-    first = Estimate.without_bounds(np.array([2.0, 0.0]), "few")
-    second = Estimate.without_bounds(np.array([1.0])).with_note("late")
-    joined = Estimate.joined([(np.array([2, 0]), first), (np.array([1]), second)])
-    assert joined.value.tolist() == [0.0, 1.0, 2.0]
-    assert [each.note for each in joined.each()] == ["few", "late", "few"]
-    assert joined[1].each()[0].note == "late"

@@ -152,13 +152,6 @@ class TestCoverage:
             "tolerance_interval": high - low,
         }
 
-    def test_independent_draws(self):
-        counts = dict.fromkeys(STATISTICS, 0)
-        for seed in range(self.SEEDS):
-            for name, content in self.contents(np.random.default_rng(seed).random(120)).items():
-                counts[name] += content >= 0.9
-        assert min(counts.values()) >= self.FEWEST, counts
-
     @pytest.mark.parametrize("additive", [1.0, 0.3])
     def test_replicates(self, additive):
         # The output is uniform: a sum of uniform inputs, taken modulo 1 or by one stratum alone.
