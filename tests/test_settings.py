@@ -12,7 +12,7 @@ from uqpen.distributions.univariate import Discrete
 from uqpen.models.command.model import FolderPolicy
 from uqpen.models.command.output_readers import CsvReader, JsonReader, NetcdfReader
 from uqpen.statistics.published import Publication, PublishedEstimates
-from uqpen.statistics.quantity_of_interest import QuantityOfInterest, Threshold
+from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 
 Y = Output("y", "m")
 
@@ -44,16 +44,3 @@ def test_a_wrong_value_is_refused(make, key, expected):
     (problem,) = caught.value.problems
     assert problem.key == key
     assert expected in problem.expected
-
-
-def test_right_values_are_kept():
-    assert Limits(seconds=2.5, bytes=10**6).seconds == 2.5
-    assert not Limits()
-    assert FolderPolicy().which == "failed"
-    assert QuantityOfInterest(Y, "m", thresholds=(Threshold("2 m", 2.0),)).quantiles == (
-        0.05,
-        0.5,
-        0.95,
-    )
-    assert PublishedEstimates(Y, mean=1.0, std=0.5).moments == {"mean": 1.0, "std": 0.5}
-    assert PublishedEstimates(Y, std=0.5).moments == {"std": 0.5}

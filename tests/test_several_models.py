@@ -232,17 +232,15 @@ def test_a_model_takes_its_own_of_the_inputs_of_all(folder_of_functions):
     assert total.sel(input="x").item() == pytest.approx(1.0, abs=0.3)  # of 64 rows
 
 
-def test_an_input_of_any_model_has_to_be_given(folder_of_functions):
-    text = OWN_INPUTS.replace('slope = "2 ± 0.1"\n', "")
-    with pytest.raises(StudyError, match=r"inputs\.slope\n +found +nothing"):
-        uqpen.parse_study(text, folder=folder_of_functions)
-
-
-def test_an_input_of_two_models_is_one_quantity(folder_of_functions):
-    text = OWN_INPUTS.replace('slope = "1", x = "m"', 'slope = "1", x = "kg"')
-    expected = (
-        r'models\.second\n +found +an input "x" \[kg\]\n'
-        r" +expected +a unit of the same dimension as in the models above it, \[m\]"
-    )
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ('slope = "2 ± 0.1"\n', "", r"inputs\.slope\n +found +nothing"),
+        ('slope = "1", x = "m"', 'slope = "1", x = "kg"',
+         r'models\.second\n +found +an input "x" \[kg\]\n'
+         r" +expected +a unit of the same dimension as in the models above it, \[m\]"),
+    ],
+)  # fmt: skip
+def test_inputs_of_all_models_are_given_once(folder_of_functions, old, new, expected):
     with pytest.raises(StudyError, match=expected):
-        uqpen.parse_study(text, folder=folder_of_functions)
+        uqpen.parse_study(OWN_INPUTS.replace(old, new), folder=folder_of_functions)

@@ -27,6 +27,8 @@ from uqpen.core.units import NUMBER, are_convertible, describe, scale, si_unit
         (" +1e3  m/s ", "m s-1", 1000.0),
         ("10_000 m", "m", 10000.0),
         (".5 m", "m", 0.5),
+        ("−5 mm", "m", -0.005),  # with the minus of typesetting
+        ("2e−3 m", "m", 0.002),
         (3, "1", 3.0),
         (0.25, "1", 0.25),
     ],
@@ -82,11 +84,6 @@ def test_what_is_no_quantity_is_refused_in_words(text, like, found, expected):
 
 def test_a_difference_of_temperatures_has_no_offset():
     assert parse_quantity("5 degC", "K", difference=True).value == 5.0
-
-
-def test_the_minus_of_typesetting_is_read_as_that_of_the_keyboard():
-    assert parse_quantity("−5 mm", "m").value == -0.005
-    assert parse_quantity("2e−3 m", "m").value == 0.002
 
 
 @pytest.mark.parametrize(
@@ -221,14 +218,17 @@ def test_a_text_that_is_far_too_long_for_a_quantity_is_refused(text):
         assert str(refused.value) == reported
 
 
-def test_a_unit_that_is_far_too_long_is_refused():
-    with pytest.raises(QuantityError, match="found a unit of 1500 characters; expected one of at"):
-        parse_quantity(f"1 {'m ' * 750}".strip() + "m", "m")
-
-
-def test_an_integer_with_too_many_digits_is_refused():
-    with pytest.raises(QuantityError, match="found a whole number of over 4000 digits"):
-        parse_quantity(16**5000, "m")
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        (f"1 {'m ' * 750}m", "found a unit of 1501 characters; expected one of at"),
+        (16**5000, "found a whole number of over 4000 digits"),
+    ],
+    ids=["unit", "integer"],
+)
+def test_what_is_far_too_long_to_be_read_is_refused(text, found):
+    with pytest.raises(QuantityError, match=found):
+        parse_quantity(text, "m")
 
 
 def test_units_are_known_whatever_the_locale_of_the_program():

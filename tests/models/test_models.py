@@ -32,31 +32,18 @@ def without(name, **more):
 
 
 @pytest.mark.parametrize("name", MODELS)
-class TestEveryModel:
-    def model(self, name):
-        model = resolve(MODELS[name])()
-        assert isinstance(model, Model)
-        return model
-
-    def test_it_goes_by_the_name_that_studies_use(self, name):
-        assert self.model(name).name == name
-        assert self.model(name).identity()["name"] == name
-
-    def test_its_units_are_coherent_si(self, name):
-        model = self.model(name)
-        for variable in (*model.inputs, *model.outputs):
-            assert si_unit(variable.unit) == variable.unit
-            assert si_unit(variable.preferred_unit) == variable.unit
-
-    def test_no_name_is_used_twice(self, name):
-        model = self.model(name)
-        names = [variable.name for variable in (*model.inputs, *model.outputs)]
-        assert len(set(names)) == len(names)
-
-    def test_what_is_not_a_number_is_inadmissible(self, name):
-        model = self.model(name)
-        inputs = {variable.name: np.array([np.nan, np.inf]) for variable in model.inputs}
-        assert (Evaluator(model)(inputs).status == Status.INADMISSIBLE).all()
+def test_every_model_has_one_name_coherent_units_and_a_domain(name):
+    model = resolve(MODELS[name])()
+    assert isinstance(model, Model)
+    assert model.name == model.identity()["name"] == name
+    variables = (*model.inputs, *model.outputs)
+    assert len({variable.name for variable in variables}) == len(variables)
+    for variable in variables:
+        assert si_unit(variable.unit) == variable.unit
+        assert si_unit(variable.preferred_unit) == variable.unit
+    # What is not a number is inadmissible.
+    inputs = {variable.name: np.array([np.nan, np.inf]) for variable in model.inputs}
+    assert (Evaluator(model)(inputs).status == Status.INADMISSIBLE).all()
 
 
 @pytest.mark.parametrize("model", ROD_MODELS, ids=lambda model: model.name)

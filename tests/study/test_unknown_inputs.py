@@ -39,12 +39,6 @@ def test_fitted_inputs_are_drawn_from_their_predictive_distribution(study_of, de
     assert entry.fit["fit_measurements"] == 8
 
 
-def test_quadrature_has_no_moments_of_students_tails(study_of):
-    said = refusal(study_of, '"quadrature"\norder = 3', a=MEASURED, b="10 ± 1")
-    assert "quadrature over a, whose parameters are uncertain" in said
-    assert "tails of Student's" in said
-
-
 @pytest.mark.parametrize(
     ("design", "reason"),
     [
@@ -66,27 +60,31 @@ def test_methods_of_one_distribution_refuse_a_box(study_of, design, reason):
     assert 'kind = "monte-carlo" gives bounds' in said
 
 
-def test_more_intervals_than_a_grid_goes_over_are_refused(study_of):
-    two = "{ normal = { mean = [9, 11], std = [1, 2] } }"
-    said = refusal(study_of, '"monte-carlo"\nruns = 100', **dict.fromkeys("abcd", two))
-    assert "8 parameters that are intervals" in said
-    assert "at most 6: bounds are looked for on a grid over all of them" in said
+TWO = "{ normal = { mean = [9, 11], std = [1, 2] } }"
+COPULA = (
+    '"monte-carlo"\nruns = 9\n[dependence]\ncopula = "gaussian"\nof = "spearman"\n'
+    'inputs = ["a", "b"]\nmatrix = [[1, 0.5], [0.5, 1]]'
+)
+SURROGATE = '"monte-carlo"\nruns = 100\n[surrogates.s]\nkind = "polynomial-chaos"\ndesign = "d"'
 
 
-def test_a_surrogate_over_a_box_is_refused(study_of):
-    surrogate = '"monte-carlo"\nruns = 100\n[surrogates.s]\nkind = "polynomial-chaos"\ndesign = "d"'
-    said = refusal(study_of, surrogate, a=BOX, b="10 ± 1")
-    assert "a surrogate over a, whose parameters are intervals" in said
-
-
-@pytest.mark.parametrize("unknown", [BOX, MEASURED])
-def test_a_copula_joins_inputs_of_one_distribution(study_of, unknown):
-    joined = (
-        '"monte-carlo"\nruns = 9\n[dependence]\ncopula = "gaussian"\nof = "spearman"\n'
-        'inputs = ["a", "b"]\nmatrix = [[1, 0.5], [0.5, 1]]'
-    )
-    said = refusal(study_of, joined, a=unknown, b="10 ± 1")
-    assert "a, whose parameters are uncertain or intervals" in said
+@pytest.mark.parametrize(
+    ("design", "inputs", "reasons"),
+    [
+        ('"quadrature"\norder = 3', {"a": MEASURED},
+         ["quadrature over a, whose parameters are uncertain", "tails of Student's"]),
+        ('"monte-carlo"\nruns = 100', dict.fromkeys("abcd", TWO),
+         ["8 parameters that are intervals",
+          "at most 6: bounds are looked for on a grid over all of them"]),
+        (SURROGATE, {"a": BOX}, ["a surrogate over a, whose parameters are intervals"]),
+        (COPULA, {"a": BOX}, ["a, whose parameters are uncertain or intervals"]),
+        (COPULA, {"a": MEASURED}, ["a, whose parameters are uncertain or intervals"]),
+    ],
+)  # fmt: skip
+def test_what_takes_no_unknowns_says_why(study_of, design, inputs, reasons):
+    said = refusal(study_of, design, **({"b": "10 ± 1"} | inputs))
+    for reason in reasons:
+        assert reason in said
 
 
 @pytest.mark.parametrize(
