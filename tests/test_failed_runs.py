@@ -37,12 +37,8 @@ seed = 2
 [model]
 python = "model.py:count"
 noise = false
-[model.inputs]
-a = "1"
-b = "1"
-c = "1"
-[model.outputs]
-y = "1"
+inputs = {{ a = "1", b = "1", c = "1" }}
+outputs = {{ y = "1" }}
 [inputs]
 a = {{ uniform = {{ lower = 0, upper = 1 }} }}
 b = {{ uniform = {{ lower = 0, upper = 1 }} }}

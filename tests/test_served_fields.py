@@ -42,9 +42,8 @@ class Fields(Model):
 STUDY = """\
 seed = 1
 [model]
+inputs = {{ x = "m" }}
 umbridge = "{address}"
-[model.inputs]
-x = "m"
 [model.dimensions]
 time = {{ unit = "s", values = [0, 1, 2] }}
 place = {{ unit = "m", values = [0, 1] }}

@@ -25,8 +25,7 @@ STUDY = """\
 seed = 1
 [model]
 python = "epidemic.py:sir"
-[model.inputs]
-rate = "1"
+inputs = { rate = "1" }
 [model.outputs]
 infected = { unit = "1", along = { time = { unit = "day", from = 0, to = 160, size = 5 } } }
 speed = { unit = "degC", along = { time = { unit = "day", from = 0, to = 160, size = 5 } }, may_end = true }
@@ -294,13 +293,8 @@ PLATE = """\
 seed = 1
 [model]
 python = "plate.py:plate"
-[model.inputs]
-load = "kN"
-area = "cm^2"
-[model.outputs]
-strength = "MPa"
-delay = "ms"
-heat = "degC"
+inputs = { load = "kN", area = "cm^2" }
+outputs = { strength = "MPa", delay = "ms", heat = "degC" }
 [inputs]
 load = { uniform = { lower = "60 kN", upper = "140 kN" } }
 area = "5 cm^2"

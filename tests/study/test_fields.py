@@ -21,8 +21,7 @@ STUDY = f"""\
 seed = 1
 [model]
 python = "epidemic.py:sir"
-[model.inputs]
-rate = "day-1"
+inputs = {{ rate = "day-1" }}
 [model.outputs]
 infected = {{ unit = "1", along = {{ {TIME} }} }}
 recovered = {{ unit = "1", along = {{ {TIME} }}, may_end = true }}
