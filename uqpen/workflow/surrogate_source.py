@@ -86,8 +86,9 @@ def _surrogate_results(
     start_step(f"estimates of {name}", model)
     draws = SurrogateDraws(checked, study.joint, study.constraints, variant.given, stream)
     quantities = study.model_quantities(variant.model)
-    found = surrogate_statistics(draws, quantities, only=all_analyses_but(study.left_out))
-    evidence = correction_evidence(draws, folds, training, check, quantities)
+    only = all_analyses_but(study.left_out)
+    found = surrogate_statistics(draws, quantities, only=only)
+    evidence = correction_evidence(draws, folds, training, check, quantities, only)
     corrected = correct_statistics(found.outputs, evidence, quantities)
     tree = checked.to_tree()
     if is_noisy(variant.model, {surrogate.design: training}):

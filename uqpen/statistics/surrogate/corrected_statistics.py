@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -29,6 +29,7 @@ from uqpen.core.labels import (
     ROUND,
     RUN,
     SAMPLING,
+    SENSITIVITY,
     STATUS,
     STOPPING_STATISTICS,
     SURROGATE_ESTIMATE,
@@ -492,6 +493,7 @@ def correction_evidence(
     training: xr.Dataset,
     check: xr.Dataset | None,
     quantities: Sequence[QuantityOfInterest],
+    only: Collection[str] | None = None,
 ) -> CorrectionEvidence:
     """Collect the runs that correct a surrogate.
 
@@ -502,6 +504,8 @@ def correction_evidence(
     training, check : Dataset
         Runs of the design that it was fitted to, and of another one, if there is one. Where the
         first repeats its points and the other does not, the check runs correct nothing besides.
+    only : collection of str, optional
+        Keys of the analyses whose statistics are corrected; all by default.
     """
     fitted = {output.name for output in draws.model.outputs}
     wanted = [each for each in quantities if each.output.name in fitted and not each.output.dims]
@@ -532,24 +536,25 @@ def correction_evidence(
     runs = {
         each.output.name: collected.runs(each) for each in wanted if not reasons[each.output.name]
     }
+    has_indices = only is None or SENSITIVITY in only
     return CorrectionEvidence(
         runs,
         {name: reason for name, reason in reasons.items() if reason},
         {
-            name: collected.variables.of_output(each, runs[name])
+            name: collected.variables.of_output(each, runs[name]) if has_indices else {}
             for each in wanted
             if (name := each.output.name) in runs
         },
-        _alone(used[0], wanted),
+        _alone(used[0], wanted, only),
         any(STOPPING_STATISTICS in each.attrs for each in used),
     )
 
 
 def _alone(
-    runs: xr.Dataset, quantities: Sequence[QuantityOfInterest]
+    runs: xr.Dataset, quantities: Sequence[QuantityOfInterest], only: Collection[str] | None
 ) -> Mapping[str, OutputStatistics]:
     """Return the statistics of runs alone."""
-    found = analyze(_first_draws(first_repeats(runs)), quantities)
+    found = analyze(_first_draws(first_repeats(runs)), quantities, only=only)
     of_all = analyze_repeats(runs, quantities)
     return {name: each | of_all.get(name, {}) for name, each in found.items()}
 
