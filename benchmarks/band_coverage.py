@@ -168,14 +168,12 @@ def _problem(name: str, every: int, rod_runs: Path) -> tuple[Problem, Truth]:
     return problem, Truth.of(problem)
 
 
-def _rows(
-    name: str, design: str, seeds: Sequence[int], every: int, bands: str, rod: Path
-) -> Iterator[Row]:
+def _rows(name: str, design: str, seeds: Sequence[int], every: int, rod: Path) -> Iterator[Row]:
     """Yield numbers of bands and of those that cover, shares of places, and the largest height."""
     problem, truth = _problem(name, every, rod)
     found: dict[str, list[Band]] = defaultdict(list)
     for field in _fields(problem, truth, DESIGNS[design], seeds):
-        for statistic, band in _bands(field, truth, bands):
+        for statistic, band in _bands(field, truth):
             found[statistic].append(band)
     for statistic, own in found.items():
         yield {
@@ -221,31 +219,23 @@ class Band(NamedTuple):
     height: float = 0
 
 
-def _bands(field: FieldSample, truth: Truth, which: str) -> Iterator[tuple[str, Band]]:
+def _bands(field: FieldSample, truth: Truth) -> Iterator[tuple[str, Band]]:
     """Yield whether each band that one seed's runs give covers."""
     quantity = QuantityOfInterest(field.output, "1")
-    if which != "tolerance":
-        yield from _simultaneous(field, quantity, truth)
-    if which != "simultaneous":
-        ((_, tolerance),) = tolerance_band(field, quantity)
-        one = tolerance.isel(band_content=0)
-        if share := _share_of_places(one):
-            is_held = _is_inside(one, truth.curves).mean() >= CONTENT
-            ends = np.nanquantile(truth.curves, (0.025, 0.975), axis=0)
-            height = np.nanmax(one.values[:, 2] - one.values[:, 1])
-            highest = float(height / np.nanmax(ends[1] - ends[0]))
-            yield STATISTICS[-1], Band(bool(is_held), share, highest)
-
-
-def _simultaneous(
-    field: FieldSample, quantity: QuantityOfInterest, truth: Truth
-) -> Iterator[tuple[str, Band]]:
     ((_, mean),), ((_, quantiles),) = mean_band(field, quantity), quantile_band(field, quantity)
     curves = [mean, *(quantiles.isel(probability=k) for k in range(len(DEFAULT_QUANTILES)))]
     true = [truth.mean, *truth.quantiles.T]
     for statistic, band, curve in zip(STATISTICS, curves, true, strict=False):
         if share := _share_of_places(band):
             yield statistic, Band(bool(_is_inside(band, curve[None])[0]), share)
+    ((_, tolerance),) = tolerance_band(field, quantity)
+    one = tolerance.isel(band_content=0)
+    if share := _share_of_places(one):
+        is_held = _is_inside(one, truth.curves).mean() >= CONTENT
+        ends = np.nanquantile(truth.curves, (0.025, 0.975), axis=0)
+        height = np.nanmax(one.values[:, 2] - one.values[:, 1])
+        highest = float(height / np.nanmax(ends[1] - ends[0]))
+        yield STATISTICS[-1], Band(bool(is_held), share, highest)
 
 
 def _share_of_places(band: xr.DataArray) -> float:
@@ -308,7 +298,6 @@ TABLE = SeedTable(
     at_once=50,
     options={
         "--every": {"type": int, "default": 1, "help": "take every n-th place"},
-        "--bands": {"choices": ("all", "simultaneous", "tolerance"), "default": "all"},
         "--rod": {"type": Path, "default": Path("band_coverage_rod.npy"), "help": "its runs"},
     },
 )

@@ -5,7 +5,6 @@ drawn points over the model's runs to the analyses, on functions whose statistic
 exactly, or from four million scrambled Sobol' points. Thousand seeds tell a coverage of 95 % to 0.7
 points. A cell fails if an interval called nominal covers in less than 92 % or more than 98 % of the
 seeds, or if any other covers in less than 92 %; intervals that warn of their tail are listed apart.
-``--statistics`` makes a part of it.
 """
 
 from __future__ import annotations
@@ -127,9 +126,7 @@ def _problem(name: str) -> Problem:
     return PROBLEMS[name]()
 
 
-def _rows(
-    name: str, design: str, runs: int, seeds: Sequence[int], statistics: Sequence[str]
-) -> Iterator[Row]:
+def _rows(name: str, design: str, runs: int, seeds: Sequence[int]) -> Iterator[Row]:
     """Yield the counts of each statistic of a problem, design and number of runs."""
     problem = _problem(name)
     drawn_by = DESIGNS[design](runs, len(problem.law.random))
@@ -140,10 +137,10 @@ def _rows(
             drawn_by, problem.law, stream, lambda points: evaluate(problem.evaluator, points, {})
         )
         drawn = input_sample(made)
-        for part in statistics:
+        for part, statistics_of in STATISTICS.items():
             # Indices need whole blocks; all else is of those points that are drawn from the law.
             of = made if part == "sensitivity" else drawn
-            for statistic, cell in STATISTICS[part](problem, of):
+            for statistic, cell in statistics_of(problem, of):
                 count = counts.setdefault(statistic, Counter())
                 if cell.warns:
                     count["warned"] += 1
@@ -671,7 +668,6 @@ TABLE = SeedTable(
     },
     _failing,
     at_once=20,
-    options={"--statistics": {"nargs": "+", "choices": STATISTICS, "default": [*STATISTICS]}},
 )
 
 if __name__ == "__main__":
