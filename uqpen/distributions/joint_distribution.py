@@ -430,7 +430,7 @@ class Agreement(NamedTuple):
     """Comparison of points with a joint distribution by one number."""
 
     inputs: tuple[str, ...]  # the input, or the two inputs of a correlation
-    value: float  # kolmogorov's distance, or Spearman's rank correlation
+    value: float  # Kolmogorov's distance, or Spearman's rank correlation
     # Probability that as many independent draws of the joint distribution depart as far.
     p_value: float
 

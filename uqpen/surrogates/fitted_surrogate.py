@@ -150,7 +150,7 @@ class InputShares:
 
     first: FloatArray  # (input,): first-order Sobol' indices
     total: FloatArray  # (input,): total-order Sobol' indices
-    shapley: FloatArray  # (input,): shapley effects; their sum is 1
+    shapley: FloatArray  # (input,): Shapley effects; their sum is 1
 
 
 class ClosedForms(ABC):

@@ -70,7 +70,7 @@ class NamedCode(NamedTuple):
     members: list[str]  # code of designs and distributions
     surrogates: list[str]  # code of surrogates
     analyses: list[str]  # code of analyses
-    objects: dict[str, list[str]]  # python objects by their kind
+    objects: dict[str, list[str]]  # Python objects by their kind
     data: list[str]  # files that runs come from
 
     @property

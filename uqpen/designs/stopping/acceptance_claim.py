@@ -137,8 +137,7 @@ class AcceptanceClaim:
     """Claim that the probability of an event is below a limit, or above it."""
 
     output: str  # name of the output
-    # True for the event that the output exceeds the value, False for that it lies below.
-    is_above: bool
+    is_above: bool  # whether the event is that the output exceeds the value, or lies below it
     value: str  # of the output, with its unit
     is_less: bool  # whether the probability is claimed to be less than the limit, and not more
     limit: float  # between 0 and 1
