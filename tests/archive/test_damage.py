@@ -140,14 +140,8 @@ OF_ONE_MODEL = {
         "/statistics/first/y: no threshold_value for each entry",
     ),
     "ranks": (drop(Y, "rank"), "/statistics/first/y: no rank to tell its entries apart"),
-    "a code that is in no table": (
-        filled(f"{Y}/quantile_interval", 0, 100),
-        NO_INTERVAL,
-    ),
-    "a code below zero": (
-        filled(f"{Y}/quantile_interval", 0, -1),
-        NO_INTERVAL,
-    ),
+    "a code that is in no table": (filled(f"{Y}/quantile_interval", 0, 100), NO_INTERVAL),
+    "a code below zero": (filled(f"{Y}/quantile_interval", 0, -1), NO_INTERVAL),
     "codes that are no whole numbers": (
         replaced(Y, "quantile_interval", "f8", ("probability",)),
         NO_INTERVAL,

@@ -128,10 +128,7 @@ def _of_texts(runs):
             lambda runs: runs.assign(curve=runs["curve"].transpose("time", RUN)),
             "curve does not lie along run and its own dimensions",
         ),
-        (
-            lambda runs: runs.assign_coords(time=runs["time"].drop_attrs()),
-            "no units of time",
-        ),
+        (lambda runs: runs.assign_coords(time=runs["time"].drop_attrs()), "no units of time"),
         (_of_texts, "curve is not of numbers"),
     ],
 )

@@ -53,17 +53,12 @@ def values(group, name, value):
     return lambda tree: tree[group][name].values.fill(value)
 
 
+CHAOS = "surrogates/chaos"
 FAULTS = {
     "input": (without("runs/second", "x1"), "/runs/second: other inputs or outputs than elsewhere"),
     "output": (without("runs/second", "y"), "/runs/second: other inputs or outputs than elsewhere"),
-    "design": (
-        reported("surrogates/chaos", "design", "third"),
-        "/surrogates/chaos: fitted to runs of no design",
-    ),
-    "check": (
-        reported("surrogates/chaos", "check", "x"),
-        "/surrogates/chaos: checked by runs of no design",
-    ),
+    "design": (reported(CHAOS, "design", "third"), f"/{CHAOS}: fitted to runs of no design"),
+    "check": (reported(CHAOS, "check", "x"), f"/{CHAOS}: checked by runs of no design"),
     "statistics": (without("statistics", "first"), "/runs/first: without a group of statistics"),
     "source": (
         without("surrogates", "chaos"),

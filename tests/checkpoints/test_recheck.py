@@ -314,12 +314,7 @@ def test_costly_runs_are_not_made_again_unless_asked(made):
 
 @pytest.mark.parametrize(
     ("seconds", "workers", "runs", "is_made_again"),
-    [
-        (59, 1, 30, True),
-        (61, 1, 129, False),
-        (61, 1, 130, True),
-        (61, 10, 130, False),
-    ],
+    [(59, 1, 30, True), (61, 1, 129, False), (61, 1, 130, True), (61, 10, 130, False)],
 )
 def test_whether_runs_are_costly_depends_on_what_is_left(
     made, seconds, workers, runs, is_made_again

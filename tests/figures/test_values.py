@@ -2,11 +2,9 @@
 
 import numpy as np
 import pytest
-import xarray as xr
 from matplotlib.text import Text
 
 import uqpen
-from uqpen.charts.scatter import thin_runs
 from uqpen.figures import FIGURES, OF_BENCHMARKS
 from uqpen.figures.page import available, panels
 from uqpen.figures.style import figure_style
@@ -187,21 +185,6 @@ class TestEstimates:
         assert notes.startswith("By latin, the design of the main results")
         assert "points are not independent of each" in notes
 
-    def test_indices_are_those_of_the_archive(self, archives):
-        tree = archives["schema_1"]
-        axes = drawn(tree, "sensitivity", source="blocks")[0]
-        reported = tree["statistics/blocks/y"]
-        expected = np.concatenate([reported["first_order"], reported["total_order"]])
-        np.testing.assert_allclose(dots(axes), filled(expected))
-        assert [each.get_text() for each in axes.get_yticklabels()] == ["x1", "x2", "x3"]
-
-    def test_responses_are_magnitudes_in_per_cent(self, archives):
-        tree = archives["schema_1"]
-        axes = drawn(tree, "responses", source="steps")[0]
-        reported = 100 * np.abs(tree["statistics/steps/y"]["response"].values[:, 0])
-        largest_first = sorted(reported[np.isfinite(reported)].tolist(), reverse=True)
-        assert [dot[0] for dot in dots(axes)] == pytest.approx(largest_first)
-
     def test_losses_have_their_probabilities(self, archives):
         first, inputs = drawn(archives["beam"], "losses")
         reported = archives["beam"]["failures/only"].to_dataset()
@@ -247,22 +230,6 @@ class TestRuns:
         assert legend[0] == "runs"
         assert legend[3] == "median 3.66 (3.52 … 3.91) mm"
         assert axes.get_title(loc="left") == "deflection: 98 runs of only"
-
-    def test_runs_are_thinned_the_same_each_time(self):
-        runs = xr.Dataset({"x": ("run", np.arange(10_000))})
-        chosen = thin_runs(runs, 100)["x"].values
-        assert len(set(chosen)) == 100
-        assert (np.diff(chosen) > 0).all()
-        np.testing.assert_array_equal(chosen, thin_runs(runs, 100)["x"].values)
-
-    def test_a_surrogate_is_held_against_its_check_runs(self, archives):
-        tree = archives["schema_1"]
-        (axes,) = drawn(tree, "surrogate")
-        truth, guess = axes.lines[1].get_data()
-        reported = tree["surrogates/chaos/y"].attrs["check_q2_of_output"]
-        unexplained = np.mean((truth - guess) ** 2) / np.var(truth, ddof=1)
-        assert 1 - unexplained == pytest.approx(reported)
-        assert len(truth) == (tree["runs/monte_carlo"]["status"].values == 0).sum()
 
 
 class TestSeveralModels:

@@ -35,10 +35,7 @@ def beam(shift=0.0, runs=400, unit="cm", seed=1, **outputs):
             vectorized=True,
         ),
         inputs={"load": uqpen.Normal(2, 0.1), "width": uqpen.Uniform(1, 1.2)},
-        outputs={
-            "sag": uqpen.OutputSpec(unit, quantiles=[0.5], exceeds=["2 m"]),
-            **outputs,
-        },
+        outputs={"sag": uqpen.OutputSpec(unit, quantiles=[0.5], exceeds=["2 m"]), **outputs},
         designs={"draws": uqpen.MonteCarlo(runs=runs)},
         seed=seed,
     )

@@ -28,12 +28,9 @@ def test_estimates_and_bars_are_those_of_the_archive(archives):
     (trace,) = traces(chart.marks)
     reported = archives["beam"]["statistics/only/deflection"]["first_order"].values
     np.testing.assert_allclose(trace["x"], reported[:, 0], rtol=1e-5)
-    np.testing.assert_allclose(
-        trace["error_x"]["array"], reported[:, 2] - reported[:, 0], rtol=1e-5
-    )
-    np.testing.assert_allclose(
-        trace["error_x"]["arrayminus"], reported[:, 0] - reported[:, 1], rtol=1e-5
-    )
+    right, left = (trace["error_x"][side] for side in ("array", "arrayminus"))
+    np.testing.assert_allclose(right, reported[:, 2] - reported[:, 0], rtol=1e-5)
+    np.testing.assert_allclose(left, reported[:, 0] - reported[:, 1], rtol=1e-5)
     assert trace["y"] == [0, 1]
     assert chart.y.rows == ("load", "span")
     assert [key.text for key in chart.keys] == ["first order by only"]

@@ -53,7 +53,7 @@ def test_each_statistic_has_a_chart_with_a_row_for_each_source(reported):
     side_by_side, others = groups(reported)[:2]
     assert [each.title for each in side_by_side.charts] == ["mean", "median", "P(> 60 cm)"]
     assert [each.title for each in others.charts] == [
-        *("sd", "5 % quantile", "95 % quantile", "P(< 40 cm)"),
+        *("sd", "5 % quantile", "95 % quantile", "P(< 40 cm)")
     ]
     for each in (*side_by_side.charts, *others.charts):
         assert each.y.rows == (*SOURCES, "report")

@@ -1,6 +1,7 @@
 """Numbers with as many digits as they have, in tables and in sentences."""
 
 import math
+from functools import partial
 
 import pytest
 from hypothesis import given
@@ -130,19 +131,13 @@ def test_a_number_alone_has_one_form(value, text):
 
 
 def test_over_tenfolds_each_number_has_two_digits_of_its_own():
-    assert (
-        estimate_text(2.2e-4, 9e-5, 1.2e-3, is_logarithmic=True) == "2.2×10⁻⁴ (9.0×10⁻⁵ … 0.0012)"
-    )
-    assert estimate_texts(436.2, 33.7, 41_529.0, is_logarithmic=True) == (
-        "440",
-        "34",
-        "42\u202f000",
-    )
+    by_tenfolds = partial(estimate_text, is_logarithmic=True)
+    assert by_tenfolds(2.2e-4, 9e-5, 1.2e-3) == "2.2×10⁻⁴ (9.0×10⁻⁵ … 0.0012)"
+    texts = estimate_texts(436.2, 33.7, 41_529.0, is_logarithmic=True)
+    assert texts == ("440", "34", "42\u202f000")
     # Within a tenfold the interval gives the digits, as on a linear scale.
-    assert estimate_text(0.32, 0.256, 0.389, is_logarithmic=True) == estimate_text(
-        0.32, 0.256, 0.389
-    )
-    assert estimate_text(1.0, -1.0, 20.0, is_logarithmic=True) == estimate_text(1.0, -1.0, 20.0)
+    for bounds in ((0.32, 0.256, 0.389), (1.0, -1.0, 20.0)):
+        assert by_tenfolds(*bounds) == estimate_text(*bounds)
 
 
 def test_more_than_four_digits_stand_in_groups():

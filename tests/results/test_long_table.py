@@ -48,12 +48,8 @@ def _rows(table, **wanted):
 
 def test_its_columns_say_what_of_what_and_how_sure(table):
     assert list(table.columns) == COLUMNS
-    assert list(dict.fromkeys(table["kind"])) == [
-        "design",
-        "publication",
-        "difference",
-        "model form",
-    ]
+    kinds = ["design", "publication", "difference", "model form"]
+    assert list(dict.fromkeys(table["kind"])) == kinds
     assert list(dict.fromkeys(table["model"])) == ["one", "two", "two minus one", ""]
 
 
