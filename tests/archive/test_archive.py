@@ -149,6 +149,10 @@ def test_a_failed_write_leaves_what_stood_there(tree, archive, tmp_path, monkeyp
     assert [entry.name for entry in tmp_path.iterdir()] == ["a.nc"]
 
 
+MC = "statistics/monte_carlo"
+DEPTH = f"{MC}/penetration_depth"
+
+
 class TestDamage:
     """A file that claims to be an archive and is not whole."""
 
@@ -167,31 +171,19 @@ class TestDamage:
             (lambda d: d.renameGroup("runs", "walks"), "no runs"),
             (lambda d: d["runs/monte_carlo"].renameVariable("status", "state"), "no status"),
             (lambda d: d["runs/monte_carlo/status"].__setitem__(0, -5), "a status that is none"),
+            (lambda d: d[MC].delncattr("kind"), f"/{MC}: of no kind that is known"),
+            (lambda d: d[MC].delncattr("runs_spent"), f"/{MC}: no runs_spent"),
             (
-                lambda d: d["statistics/monte_carlo"].delncattr("kind"),
-                "/statistics/monte_carlo: of no kind that is known",
-            ),
-            (
-                lambda d: d["statistics/monte_carlo"].delncattr("runs_spent"),
-                "/statistics/monte_carlo: no runs_spent",
-            ),
-            (
-                lambda d: d["statistics/monte_carlo/penetration_depth/mean"].delncattr(
-                    "interval_label"
-                ),
+                lambda d: d[f"{DEPTH}/mean"].delncattr("interval_label"),
                 "mean: does not say how its interval was made",
             ),
             (
-                lambda d: d["statistics/monte_carlo/penetration_depth"].renameVariable(
-                    "probability", "share"
-                ),
-                "/statistics/monte_carlo/penetration_depth: no probability to tell its entries",
+                lambda d: d[DEPTH].renameVariable("probability", "share"),
+                f"/{DEPTH}: no probability to tell its entries",
             ),
             (
-                lambda d: d["statistics/monte_carlo/termination"].renameVariable(
-                    "category_label", "label"
-                ),
-                "/statistics/monte_carlo/termination: no category_label for each entry",
+                lambda d: d[f"{MC}/termination"].renameVariable("category_label", "label"),
+                f"/{MC}/termination: no category_label for each entry",
             ),
         ],
     )

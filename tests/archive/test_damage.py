@@ -100,127 +100,95 @@ def replaced(group, name, kind, dims):
 
 
 Y = "statistics/first/y"
-NO_INTERVAL = f"/{Y}: quantile: does not say how its interval was made"
-OF_ONE_MODEL = {
-    "names of bounds": (
-        filled(f"{Y}/bound", 1, "least"),
-        "/statistics/first/y: mean: not the bounds of an estimate",
-    ),
-    "inputs": (drop(Y, "input"), "/statistics/first/y: no input to tell its entries apart"),
-    "needed": (
+CODES = f"{Y}/quantile_interval"
+# By what is said of an output's statistics.
+OF_STATISTICS = {
+    "mean: not the bounds of an estimate": [filled(f"{Y}/bound", 1, "least")],
+    "no input to tell its entries apart": [drop(Y, "input")],
+    "no rank to tell its entries apart": [drop(Y, "rank")],
+    "no probability to tell its entries apart": [replaced(Y, "probability", str, ("probability",))],
+    "no threshold_value for each entry": [drop(Y, "threshold_value")],
+    "no content_runs_needed for each entry": [
         drop(Y, "content_runs_needed"),
-        "/statistics/first/y: no content_runs_needed for each entry",
-    ),
-    "dimensions of a statistic": (
-        replaced(Y, "mean", "f8", ("probability", "bound")),
-        "/statistics/first/y: mean is not of numbers along bound",
-    ),
-    "order of dimensions": (
-        replaced(Y, "exceedance", "f8", ("bound", "threshold")),
-        "/statistics/first/y: exceedance is not of numbers along threshold, bound",
-    ),
-    "a statistic without bounds": (
-        replaced(Y, "mean", "f8", ()),
-        "/statistics/first/y: mean is not of numbers along bound",
-    ),
-    "texts in place of numbers": (
-        replaced(Y, "exceedance", str, ("threshold", "bound")),
-        "/statistics/first/y: exceedance is not of numbers along threshold, bound",
-    ),
-    "texts along a dimension of numbers": (
-        replaced(Y, "probability", str, ("probability",)),
-        "/statistics/first/y: no probability to tell its entries apart",
-    ),
-    "texts in place of counts": (
         replaced(Y, "content_runs_needed", str, ("content",)),
-        "/statistics/first/y: no content_runs_needed for each entry",
-    ),
-    "values of thresholds": (
-        drop(Y, "threshold_value"),
-        "/statistics/first/y: no threshold_value for each entry",
-    ),
-    "ranks": (drop(Y, "rank"), "/statistics/first/y: no rank to tell its entries apart"),
-    "a code that is in no table": (filled(f"{Y}/quantile_interval", 0, 100), NO_INTERVAL),
-    "a code below zero": (filled(f"{Y}/quantile_interval", 0, -1), NO_INTERVAL),
-    "codes that are no whole numbers": (
+    ],
+    "mean is not of numbers along bound": [
+        replaced(Y, "mean", "f8", ("probability", "bound")),
+        replaced(Y, "mean", "f8", ()),
+    ],
+    "exceedance is not of numbers along threshold, bound": [
+        replaced(Y, "exceedance", "f8", ("bound", "threshold")),
+        replaced(Y, "exceedance", str, ("threshold", "bound")),
+    ],
+    "quantile: does not say how its interval was made": [
+        filled(CODES, 0, 100),
+        filled(CODES, 0, -1),
         replaced(Y, "quantile_interval", "f8", ("probability",)),
-        NO_INTERVAL,
-    ),
-    "codes along another dimension": (
         replaced(Y, "quantile_interval", "i1", ("content",)),
-        NO_INTERVAL,
-    ),
-    "a table of another length": (
-        reported(f"{Y}/quantile_interval", "flag_note", ["one", "two", "three", "four", "five"]),
-        NO_INTERVAL,
-    ),
-    "a table of numbers": (
-        reported(f"{Y}/quantile_interval", "flag_interval", np.arange(3)),
-        NO_INTERVAL,
-    ),
-    "no table": (
-        lambda root: root[f"{Y}/quantile_interval"].delncattr("flag_interval_label"),
-        NO_INTERVAL,
-    ),
-    "unit": (
-        reported("runs/first/y", "display_units", "m^^"),
-        "/runs/first/y: display_units that are no unit",
-    ),
-    "note": (
-        reported(f"{Y}/mean", "note", np.array([1, 2])),
-        "/statistics/first/y/mean: note is no text",
-    ),
-    "count": (
-        reported(f"{Y}/first_order", "runs", "many"),
-        "/statistics/first/y/first_order: runs is no count",
-    ),
-    "seed": (reported("", "seed", "9" * 5000), "a seed that is no number"),
-    "run numbers": (filled("runs/first/run", 3, 1), "/runs/first: run numbers that do not ascend"),
+        reported(CODES, "flag_note", ["one", "two", "three", "four", "five"]),
+        reported(CODES, "flag_interval", np.arange(3)),
+        lambda root: root[CODES].delncattr("flag_interval_label"),
+    ],
 }
+OF_ONE_MODEL = [
+    *((f"/{Y}: {said}", each) for said, changes in OF_STATISTICS.items() for each in changes),
+    (
+        "/runs/first/y: display_units that are no unit",
+        reported("runs/first/y", "display_units", "m^^"),
+    ),
+    (f"/{Y}/mean: note is no text", reported(f"{Y}/mean", "note", np.array([1, 2]))),
+    (f"/{Y}/first_order: runs is no count", reported(f"{Y}/first_order", "runs", "many")),
+    ("a seed that is no number", reported("", "seed", "9" * 5000)),
+    ("/runs/first: run numbers that do not ascend", filled("runs/first/run", 3, 1)),
+]
 
 ONE = "models/one"
 FIRST = f"{ONE}/{Y}"
-OF_SEVERAL_MODELS = {
-    "bounds": (
-        drop(FIRST, "bound"),
-        "/models/one/statistics/first/y: mean: not the bounds of an estimate",
-    ),
-    "entries": (
+OF_SEVERAL_MODELS = [
+    (f"/{FIRST}: mean: not the bounds of an estimate", drop(FIRST, "bound")),
+    (
+        f"/{ONE}/statistics/second/y: another probability than elsewhere",
         filled(f"{ONE}/statistics/second/y/probability", 1, 0.4),
-        "/models/one/statistics/second/y: another probability than elsewhere",
     ),
-    "ends of runs": (
+    (
+        f"/{ONE}/failures/first: no status to tell its entries apart",
         drop(f"{ONE}/failures/first", "status"),
-        "/models/one/failures/first: no status to tell its entries apart",
     ),
-    "kind of a source": (
+    (
+        f"/{ONE}/statistics/first: of no kind that is known",
         reported(f"{ONE}/statistics/first", "kind", "guess"),
-        "/models/one/statistics/first: of no kind that is known",
     ),
-    "what a surrogate is checked by": (
+    (
+        f"/{ONE}/statistics/chaos: no check",
         lambda root: root[f"{ONE}/statistics/chaos"].delncattr("check"),
-        "/models/one/statistics/chaos: no check",
     ),
-    "pair": (
-        lambda root: root["differences"].renameGroup("other", "third"),
+    (
         "/differences/third: of no model",
+        lambda root: root["differences"].renameGroup("other", "third"),
     ),
-    "minus": (
-        lambda root: root["differences/other/first/y"].delncattr("minus"),
+    (
         "/differences/other/first/y: does not say of which model",
+        lambda root: root["differences/other/first/y"].delncattr("minus"),
     ),
-    "fit": (
+    (
+        f"/{ONE}/surrogates/chaos: does not say how well it fits y",
         lambda root: root[f"{ONE}/surrogates/chaos/y"].delncattr("q2"),
-        "/models/one/surrogates/chaos: does not say how well it fits y",
     ),
-}
+]
+
+
+@pytest.mark.parametrize(("message", "change"), OF_ONE_MODEL)
+def test_a_damaged_part_is_named(single, tmp_path, message, change):
+    _is_named(Path(shutil.copy(single, tmp_path / "copy.nc")), message, change)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("how", [*OF_ONE_MODEL, *OF_SEVERAL_MODELS])
-def test_a_damaged_part_is_named(single, whole, tmp_path, how):
-    copy = Path(shutil.copy(single if how in OF_ONE_MODEL else whole, tmp_path / "copy.nc"))
-    change, message = {**OF_ONE_MODEL, **OF_SEVERAL_MODELS}[how]
+@pytest.mark.parametrize(("message", "change"), OF_SEVERAL_MODELS)
+def test_a_damaged_part_of_several_models_is_named(copy, message, change):
+    _is_named(copy, message, change)
+
+
+def _is_named(copy, message, change):
     with netCDF4.Dataset(copy, "a") as root:
         change(root)
     with pytest.raises(ArchiveError) as caught:

@@ -26,6 +26,7 @@ STUDY = study_text(
 )
 # The group of the reference.
 TRUTH = "statistics/reference"
+MC = "statistics/monte_carlo"
 SHORT = ("--budget", "16,32", "--repeats", "10", "--reference", "512")
 
 
@@ -144,18 +145,12 @@ class TestShow:
     @pytest.mark.parametrize(
         ("damage", "complaint"),
         [
+            (lambda d: d["comparison"].renameGroup("y", "z"), f"/{MC}/z: no statistics"),
             (
-                lambda d: d["comparison"].renameGroup("y", "z"),
-                "/statistics/monte_carlo/z: no statistics",
+                lambda d: d[f"{MC}/y"].renameVariable("runs", "walks"),
+                f"/{MC}/y: no runs and replicates along budget",
             ),
-            (
-                lambda d: d["statistics/monte_carlo/y"].renameVariable("runs", "walks"),
-                "/statistics/monte_carlo/y: no runs and replicates along budget",
-            ),
-            (
-                lambda d: d["statistics/monte_carlo"].delncattr("variants"),
-                "/statistics/monte_carlo: no runs_spent, source, variants",
-            ),
+            (lambda d: d[MC].delncattr("variants"), f"/{MC}: no runs_spent, source, variants"),
             (
                 lambda d: d["comparison/y"].renameVariable("mean_lead", "mean_led"),
                 "/comparison/y: no mean_lead",
@@ -164,10 +159,7 @@ class TestShow:
                 lambda d: d["comparison/y"].delncattr("display_units"),
                 "/comparison/y: no units of the output",
             ),
-            (
-                lambda d: d["statistics/monte_carlo/y"]["mean_error"].delncattr("interval_label"),
-                "how its interval",
-            ),
+            (lambda d: d[f"{MC}/y"]["mean_error"].delncattr("interval_label"), "how its interval"),
             (
                 lambda d: d[f"{TRUTH}/y"]["std"].delncattr("interval_label"),
                 f"/{TRUTH}/y: std: does not say how its interval",
@@ -180,15 +172,9 @@ class TestShow:
                 lambda d: d[f"{TRUTH}/y"].renameVariable("threshold", "level"),
                 f"/{TRUTH}/y: no threshold to tell its entries apart",
             ),
-            (
-                lambda d: d["statistics/monte_carlo/y"].renameVariable("mean", "mode"),
-                "/statistics/monte_carlo/y: no mean",
-            ),
+            (lambda d: d[f"{MC}/y"].renameVariable("mean", "mode"), f"/{MC}/y: no mean"),
             (lambda d: d.renameGroup("comparison", "contest"), "no comparison"),
-            (
-                lambda d: d["statistics/monte_carlo"].renameGroup("y", "lost"),
-                "/statistics/monte_carlo/y: no statistics",
-            ),
+            (lambda d: d[MC].renameGroup("y", "lost"), f"/{MC}/y: no statistics"),
             (lambda d: d[TRUTH].renameGroup("y", "lost"), f"/{TRUTH}/y: no statistics"),
             (lambda d: d[TRUTH].delncattr("runs_spent"), f"/{TRUTH}: no runs_spent"),
             (lambda d: d.setncattr("uqpen_kind", "other"), 'of kind "other", which this uqpen'),
