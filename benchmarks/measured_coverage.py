@@ -51,12 +51,6 @@ def _shared(rng: np.random.Generator, f: FloatArray) -> FloatArray:
     return 0.1 * rng.standard_normal(len(f)) + 0.3 * np.repeat(rng.standard_normal(4), 3)
 
 
-def _curve(rng: np.random.Generator, f: FloatArray) -> FloatArray:
-    distance = np.abs(np.subtract.outer(np.arange(len(f)), np.arange(len(f))))
-    lower = np.linalg.cholesky(0.9**distance)
-    return 0.1 * lower @ rng.standard_normal(len(f))
-
-
 _ROWS, _SHOTS = np.linspace(1.0, 3.0, 20), np.linspace(1.0, 2.1, 12)
 _GROUPS = np.repeat(np.arange(4), 3)
 SITUATIONS = {
