@@ -96,6 +96,7 @@ class TestUMBridgeClient:
         ("Else", b"{}", 404, "NotFound", "/Else is not known"),
         ("Else", None, 404, "NotFound", "/Else is not known"),
         ("Evaluate", b"x" * 1_048_577, 413, "TooLarge", "a request has at most 1048576 bytes"),
+        ("Evaluate", b" " * 30_000_000, 413, "TooLarge", "a request has at most 1048576 bytes"),
     ],
 )  # fmt: skip
 def test_what_is_no_run_gets_an_error_of_the_protocol(address, path, content, code, kind, message):
@@ -147,11 +148,6 @@ def test_a_host_name_that_was_given_is_known():
         assert not server.is_named("example.org")
     with ModelServer([offer], "0.0.0.0", 0) as server:
         assert server.is_named("whatever.it.is.called")
-
-
-def test_a_large_request_gets_its_answer(address):
-    reported = {"error": {"type": "TooLarge", "message": "a request has at most 1048576 bytes"}}
-    assert asked(address, "Evaluate", b" " * 30_000_000) == (413, reported)
 
 
 def test_connections_beyond_a_number_are_reported(monkeypatch):
