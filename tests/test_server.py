@@ -122,13 +122,10 @@ RUN = b'{"name": "ishigami", "input": [[0, 0, 0]]}'
         ({"Origin": "http://evil.example"}, 403, "pages in a browser are not served"),
         ({"Origin": "null"}, 403, "pages in a browser are not served"),
         ({"Content_Type": "text/plain"}, 415, "the content of a request is application/json"),
-        (
-            {"Content_Type": "application/x-www-form-urlencoded"},
-            415,
-            "the content of a request is application/json",
-        ),
+        ({"Content_Type": "application/x-www-form-urlencoded"}, 415,
+         "the content of a request is application/json"),
     ],
-)
+)  # fmt: skip
 def test_only_programs_that_mean_this_server_have_runs_made(address, headers, code, message):
     found, answer = asked(address, "Evaluate", RUN, **headers)
     assert found == code

@@ -281,11 +281,6 @@ class TestRun:
         assert float(values["projectile_residue"]) == pytest.approx(0.02327912, abs=1e-8)
         assert "v = u" in done.out
 
-    def test_a_study_gives_the_inputs_that_are_not_set(self, uqpen):
-        path = str(STUDIES / "concrete.toml")
-        slow = uqpen("run", path, "--set", "impact_velocity=1.2 km/s").out
-        assert slow != uqpen("run", path).out
-
     def test_what_makes_a_model_of_several_what_it_is_is_not_set(self, uqpen, tmp_path):
         text = (STUDIES / "concrete.toml").read_text(encoding="utf-8")
         models = (

@@ -292,6 +292,8 @@ def test_a_rod_too_slow_to_erode_penetrates_as_a_rigid_body(velocity):
 @pytest.mark.parametrize(
     "changes",
     [
+        {"smoothing": 1.0},
+        {"plasticity_radius": 0.125},  # comes to a standstill
         {"target_yield_limit": 4e12},  # stops almost at once
         {"smoothing": 1.99},
         {"plasticity_radius": 1.02 * ROD["crater_radius"]},  # stiff
@@ -301,7 +303,7 @@ def test_a_rod_too_slow_to_erode_penetrates_as_a_rigid_body(velocity):
         {"projectile_yield_limit": 1.65e6, "target_yield_limit": 4e5},
     ],
 )
-def test_extreme_rods_end_where_an_independent_integration_ends(changes):
+def test_rods_end_where_an_independent_integration_ends(changes):
     result = penetrate(**rods(**changes))
     course = trajectory(make_rod({**ROD, **changes}), depths=2)
     assert result.depth[0] == pytest.approx(course.depth[-1], rel=PROMISED)
@@ -350,17 +352,3 @@ def test_erosion_is_that_of_an_integration_by_scipy(changes):
     )
     scales = np.abs(known.y).max(axis=1, keepdims=True)
     np.testing.assert_allclose(steps.before / scales, known.y / scales, atol=2e-9)
-
-
-@pytest.mark.parametrize(
-    "changes",
-    [{}, {"smoothing": 1.0}, {"plasticity_radius": 0.125}, {"impact_velocity": 100.0}],
-    ids=["breakdown", "smoothed", "standstill", "rigid"],
-)
-def test_trajectory_ends_where_the_lanes_end(changes):
-    result = trajectory(make_rod({**ROD, **changes}))
-    # Both integrations allow each of some hundred steps an error of 1e-10 or less.
-    assert (result.depth[-1], result.length[-1]) == pytest.approx(one(**changes), rel=1e-9)
-    assert result.nose_velocity[-1] == 0
-    assert result.tail_velocity[-1] == 0
-    assert all(np.isfinite(values).all() for values in result)

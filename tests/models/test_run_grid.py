@@ -112,15 +112,12 @@ class TestWrongGrids:
             ([1, 2, 3], [0, 3], 'returned 3 values of "y" at 2 of "t"'),
             ([1, 2], [[0, 3]], 'returned a "t" of shape (1, 2), not numbers along one dimension'),
             ([], [], 'returned no value of "y"'),
-            (
-                [1, 2, 3],
-                [0, 2, 1],
-                'returned a "t" that does not ascend: time = 1 min after time = 2 min',
-            ),
+            ([1, 2, 3], [0, 2, 1],
+             'returned a "t" that does not ascend: time = 1 min after time = 2 min'),
             ([1, 2], [np.nan, 3], 'returned a "t" that does not ascend: time = nan min'),
             ([1, np.nan, 3], [0, 1.5, 3], 'y is nan at time = 1.5 min of its own "t"'),
         ],
-    )
+    )  # fmt: skip
     def test_the_reason_names_the_place(self, values, own, reason):
         assert put(values, own) == reason
 

@@ -214,14 +214,11 @@ RUN = b'{"output": [[1], [2]]}'
 # begins with, what is repeated, and what it ends with.
 DRIPS = {
     "content": (HEAD + b"Content-Length: 122\r\n\r\n", b" ", RUN),
-    "chunks": (
-        HEAD + b"Transfer-Encoding: chunked\r\n\r\n",
-        b"1\r\n \r\n",
-        b"16\r\n" + RUN + b"\r\n0\r\n\r\n",
-    ),
+    "chunks": (HEAD + b"Transfer-Encoding: chunked\r\n\r\n", b"1\r\n \r\n",
+               b"16\r\n" + RUN + b"\r\n0\r\n\r\n"),
     "a header": (HEAD + b"X-Long: ", b"x", b"\r\nContent-Length: 22\r\n\r\n" + RUN),
     "continue": (b"", b"HTTP/1.1 100 Continue\r\n\r\n", http(RUN.decode())),
-}
+}  # fmt: skip
 
 
 class TestLostRuns:
@@ -229,15 +226,12 @@ class TestLostRuns:
         ("beyond", "status", "reason"),
         [
             ("short", Status.FAILED, f"{INVALID}model outputs declared by model!"),
-            (
-                "raise",
-                Status.FAILED,
-                "the server's answer is no JSON object (HTTP 500 Internal Server Error)",
-            ),
+            ("raise", Status.FAILED,
+             "the server's answer is no JSON object (HTTP 500 Internal Server Error)"),
             ("nan", Status.NOT_FINITE, "y is nan"),
             ("inf", Status.NOT_FINITE, "z is -inf"),
         ],
-    )
+    )  # fmt: skip
     def test_of_the_real_server(self, address, beyond, status, reason):
         made = runs(study(address, f'config = {{ limit = 0.7, beyond = "{beyond}" }}\nname="sum"'))
         lost = made["a"].values / 0.01 > 0.7

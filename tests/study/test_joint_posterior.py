@@ -70,13 +70,10 @@ def test_one_of_its_variables_may_be_taken_alone(chains):
         ("chains.nc", "chain.nc", "found there is no file"),
         ("chains.nc", "chains.nc:fit", "is a NetCDF file, but not an archive of uqpen's"),
         ("chains.nc", "sum.py", "cannot be read as NetCDF"),
-        (
-            'units = { a = "cm" }',
-            'units = { a = "cm" }\ninputs = ["a", "vector"]',
-            '"vector" is no input',
-        ),
+        ('units = { a = "cm" }', 'units = { a = "cm" }\ninputs = ["a", "vector"]',
+         '"vector" is no input'),
     ],
-)
+)  # fmt: skip
 def test_a_mistake_is_told_with_what_is_expected(chains, old, new, message):
     (found,) = [each for each in refused(chains, STUDY.replace(old, new)) if "joint.taught" in each]
     assert message in found

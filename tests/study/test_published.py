@@ -144,13 +144,10 @@ def test_a_misspelt_key_of_a_reading_is_one_mistake(study_of):
         ("lost.gone.y = 1", "published.report.readings.r.lost.gone", "an unknown status"),
         ("lost.failed.z = 1", "published.report.readings.r.lost.failed.z", "unknown output"),
         ("designs.some.runs = 0", "published.report.readings.r.designs.some.runs", "0"),
-        (
-            "designs.some.runs = 2_000",
-            "published.report.readings.r",
-            "a reading that changes nothing",
-        ),
+        ("designs.some.runs = 2_000", "published.report.readings.r",
+         "a reading that changes nothing"),
     ],
-)
+)  # fmt: skip
 def test_mistakes_in_a_reading_are_met(study_of, reading, key, found):
     text = f"{SAMPLES}{READ}[published.report.readings.r]\n{reading}\n"
     with pytest.raises(StudyError) as caught:

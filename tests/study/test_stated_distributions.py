@@ -106,15 +106,12 @@ def test_the_parameters_that_follow_are_described(study_of):
         ("{ mixture = [{ normal = { mean = 1, std = 1 } }] }", "{ weight = 0.7, normal = { … } }"),
         ('{ mixture = [{ weight = 1, measured = { file = "a.csv" } }] }', "by themselves"),
         ("{ mixture = [{ weight = 1, norm = { mean = 1 } }] }", 'did you mean "normal"?'),
-        (
-            "{ mixture = [{ weight = 1, bernoulli = { probability = 0.2 } },"
-            " { weight = 1, normal = { mean = 1, std = 1 } }] }",
-            "continuous ones",
-        ),
+        ("{ mixture = [{ weight = 1, bernoulli = { probability = 0.2 } },"
+         " { weight = 1, normal = { mean = 1, std = 1 } }] }", "continuous ones"),
         ("{ poisson = { mean = 3 }, upper = 5 }", "its values within them alone"),
         ("{ gev = { location = 1 } }", 'did you mean "generalised-extreme-value"?'),
     ],
-)
+)  # fmt: skip
 def test_mistakes_are_met(law, expected, study_of):
     with pytest.raises(uqpen.StudyError) as caught:
         study_of("x", x=law)

@@ -19,14 +19,11 @@ HELD = "value held with 0.95"
         (BOUNDS, "{ interval = [1, 2] }", f"{PROBABILITIES}, {HELD}, quantile 0.9"),
         (BOUNDS + "quantiles = { y = [0.9] }", "{ interval = [1, 2] }", f"{PROBABILITIES}, {HELD}"),
         (SUBSET, "0 ± 1", PROBABILITIES),
-        (
-            'kind = "importance-sampling"\nevent = "y > 3"',
-            "0 ± 1",
-            f"{PROBABILITIES}, {HELD}, quantile 0.9",
-        ),
+        ('kind = "importance-sampling"\nevent = "y > 3"', "0 ± 1",
+         f"{PROBABILITIES}, {HELD}, quantile 0.9"),
         ('kind = "morris"\ntrajectories = 4', "0 ± 1", f"{PROBABILITIES}, {HELD}, quantile 0.9"),
     ],
-)
+)  # fmt: skip
 def test_answers_without_a_sample_are_told(study_of, design, x, left):
     (line,) = unanswered_lines(study_of("x + b", ASKED + design, x=x, b="0 ± 1"))
     assert line.startswith(f"warning: nothing answers {left} of y: no design is a sample")
