@@ -86,11 +86,11 @@ def test_the_work_for_thresholds_grows_with_their_number(study_of, monkeypatch):
         return made_ones(value, *reasons)
 
     monkeypatch.setattr(Estimate, "without_bounds", counted)
-    for number in (5, 15):
+    for number in (3, 6):
         limits = np.linspace(0.5, 1.5, number).round(3).tolist()
         corrected(study_of("a + b", f"[outputs.y]\nexceeds = {limits}", a=(0, 1), b=(0, 1)))
     # Each has two indices of two inputs.
-    assert estimates[15] - estimates[5] <= 10 * 2 * 2 * 3
+    assert estimates[6] - estimates[3] <= 3 * 2 * 2 * 3
 
 
 def test_a_surrogate_without_terms_has_intervals_of_indices(study_of):

@@ -71,8 +71,7 @@ def test_points_that_are_no_draws_have_no_bounds():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("runs", [100, 400])
-def test_the_interval_covers_as_often_as_it_says(runs):
+def test_the_interval_covers_as_often_as_it_says():
     # Lost with probability (0.1 + 0.4 x); of a uniform x, both densities are straight lines.
     t = (np.arange(20_000) + 0.5) / 20_000
     loses = 0.1 + 0.4 * t
@@ -81,8 +80,8 @@ def test_the_interval_covers_as_often_as_it_says(runs):
     generator = np.random.default_rng(4)
     held = []
     for _ in range(300):
-        x = generator.random(runs)
-        status = np.where(generator.random(runs) < 0.1 + 0.4 * x, Status.FAILED, Status.OK)
+        x = generator.random(100)
+        status = np.where(generator.random(100) < 0.1 + 0.4 * x, Status.FAILED, Status.OK)
         _, lower, upper = reported(x, status)["larger"].values[0]
         held.append(lower <= truth <= upper)
     # 300 seeds of an interval that covers 95 % give 91.7 to 98.3 % ninety-nine times in a hundred.
