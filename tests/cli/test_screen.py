@@ -61,6 +61,15 @@ def test_a_table_is_that_of_rich(columns, monkeypatch, capsys):
     assert shown == "\ny [m]\n" + capsys.readouterr().out
 
 
+def test_a_long_label_is_wrapped_so_that_its_values_are_shown_whole(monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "40")
+    label = "probability of a larger sum of squares, if model and stated errors are right"
+    show_table(standard_output(), OutputTable("fit", ["value"], [(label, ["0.3612"])]))
+    shown = capsys.readouterr().out
+    assert "0.3612" in shown
+    assert "".join(shown.split()).replace("0.3612", "").endswith("".join(label.split()))
+
+
 def test_a_quiet_study_shows_its_results_alone(command_line, tmp_path):
     (tmp_path / "small.toml").write_text(STUDY)
     loud = command_line("study", "small.toml", "-o", "loud.nc")

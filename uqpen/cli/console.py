@@ -79,8 +79,8 @@ def plain_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> Table:
     """Make a table of texts; the first column names the rows."""
     rules = SIMPLE_HEAD if _has_lines() else _ASCII_HEAD
     table = Table(box=rules, padding=(0, 1), show_edge=False, pad_edge=False)
-    for position, name in enumerate(header):
-        table.add_column(Text(screen_text(name)), no_wrap=position == 0)
+    for name in header:
+        table.add_column(Text(screen_text(name)))
     for row in rows:
         table.add_row(*(Text(screen_text(cell)) for cell in row))
     return table
