@@ -96,10 +96,10 @@ def read_measured(table: TableReader, model: Model | None) -> dict[str, Measured
 def _read_section(name: str, section: TableReader, model: Model) -> MeasuredOutputs | None:
     """Read the keys of a section, its rows, and each output there; None for a mistake."""
     outputs = {each.name: each for each in model.all_outputs}
+    for key in (*outputs, "source", _EXPERIMENT, "file", "table"):
+        section.take(key)  # all of them are known, whether they are there or not
     tables = {
-        key: section.table(key)
-        for key in section
-        if key in outputs and isinstance(section.content[key], dict)
+        key: inside for key in section if key in outputs and (inside := section.table(key)).is_given
     }
     source = section.text("source", "where they come from") if "source" in section else ""
     conditions = _conditions(section)
@@ -124,7 +124,7 @@ def _read_section(name: str, section: TableReader, model: Model) -> MeasuredOutp
         return None
     if not tables:
         expected = f"a table [measured.{name}.<output>]; outputs: {', '.join(outputs)}"
-        section.add_missing("std", expected)
+        section.add_problem((), "no output", expected)
         return None
     found = {each: _condition(rows, each, inputs[each].unit) for each in conditions}
     columns = {key: values for key, values in found.items() if values is not None}
@@ -330,6 +330,8 @@ def _read_file(
     groups.append(label)
     key = "table" if "table" in section else "file"
     snapshot = None
+    if key == "table" and "file" in section:
+        section.add_problem("file", "file beside table", "one of both")
     try:
         if key == "table":
             columns = columns_of_table(section.take(key), blanks=True)
