@@ -109,16 +109,18 @@ def _limit_width(largest: int) -> int:
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
 # Where the bytes of an address and of a length stand, by the version of the superblock, then the
-# address that all others count from, that of a driver for files of parts or of settings of the
-# library, and that of the root group.
-_SUPERBLOCKS = {0: (13, 24, 48, 64), 2: (9, 12, 20, 36), 3: (9, 12, 20, 36)}
+# address that all others count from, that of the end of the file, that of a driver for files of
+# parts or of settings of the library, and that of the root group.
+_SUPERBLOCKS = {0: (13, 24, 40, 48, 64), 2: (9, 12, 28, 20, 36), 3: (9, 12, 28, 20, 36)}
 _OFFSET_WIDTHS = b"\x08\x08"
 
 
 def _root_address(content: Content) -> int:
     """Return the address of the root group; refuse a file of parts, or in another form."""
     if content[8] in _SUPERBLOCKS:
-        widths, base, elsewhere, root = _SUPERBLOCKS[content[8]]
+        widths, base, end, elsewhere, root = _SUPERBLOCKS[content[8]]
+        if (size := _uint(content, end, 8)) > len(content):
+            raise RefusedContentError(f"it is cut off: {len(content)} of its {size} bytes are here")
         is_plain = content[widths : widths + 2] == _OFFSET_WIDTHS and not _uint(content, base, 8)
         if is_plain and _uint(content, elsewhere, 8) == UNDEFINED:
             return _uint(content, root, 8)
