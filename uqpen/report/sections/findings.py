@@ -319,8 +319,8 @@ def alerts(
     if missing_count(view, design):
         yield Alert(
             "Failed runs",
-            "If the failed runs differ from the others, these numbers are biased, and no interval "
-            "shows it.",
+            "If the failed runs differ from the others, these numbers are biased; of the intervals "
+            "of the runs, only those of probabilities show it.",
             "Find out why they fail, and make these runs again.",
         )
     yield from _surrogate_alerts(view)
