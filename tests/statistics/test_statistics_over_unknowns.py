@@ -244,10 +244,11 @@ def test_the_total_over_both_is_computed_and_no_narrower_than_a_part(study_of, m
     assert lower == pytest.approx(np.quantile(exact[0], 0.025), abs=0.01)
     assert upper == pytest.approx(np.quantile(exact[1], 0.975), abs=0.05)
     lines = " ".join(summary_lines(tree)).replace("\u00a0", " ")
-    assert "the total, which is no sum of both" in lines
+    assert "the total, which is no sum of both; fewer than 5 % of the runs" in lines
     (table,) = (each for each in output_tables(tree) if "bounds over" in each.title)
     assert table.columns[-1] == "range, with uncertain parameters"
-    assert dict(table.rows)["P(> 12) of y"][-1] == "2 % … 43 %"
+    assert dict(table.rows)["P(> 12) of y"][-1] == "2 % … 43 % ³ ⁴"
+    assert table.notes[3] == "the family is taken as known"
     statement = next(iter(error_statements(tree)))
     parts = {part.name: part for part in statement.parts}
     assert statement.total.lower <= parts["intervals"].lower

@@ -154,7 +154,8 @@ def bound_tables(tree: xr.DataTree) -> Iterator[OutputTable]:
                 if each.total is None or not np.isfinite(each.total.values).all():
                     cells.append(NOTHING)
                 else:
-                    cells.append(range_text(*each.texts(each.total)[1:]))
+                    marks = table.note_mark(*estimate_remark(each.total).split("; "))
+                    cells.append(range_text(*each.texts(each.total)[1:]) + marks)
             table.rows.append((each.title, cells))
         yield table
 

@@ -545,7 +545,8 @@ def bound_findings(view: ArchiveView) -> Iterator[Finding]:
                     _, low, high = map(no_break, each.texts(each.total))
                     text += (
                         f" Over all parameters that fit the specimens as well, it is between {low} "
-                        f"and {high}: the total, which is no sum of both."
+                        f"and {high}: the total, which is no sum of both; "
+                        f"{estimate_remark(each.total)}."
                     )
             yield Finding(capitalized(plain_text(each.title)), text)
 
