@@ -181,6 +181,9 @@ def test_two_swept_inputs_make_the_product(folder):
         ("[sweep]\n", '[sweep]\nbolt = ["M8", "M9"]\n', "sweep.bolt[1]", '"M9"', "M8, M10"),
         ('bolt = "M8"\n', 'bolt = "M8"\nspeed = "1 m/s"\n', "sweep.speed",
          "speed, which [inputs] gives, too", "it in one of them"),
+        ("[inputs]\nx = { normal = { mean = 0, std = 1 } }\n",
+         '[joint.test]\nsample = { "speed [m/s]" = [1, 2], x = [0, 1] }\n[inputs]\n', "sweep.speed",
+         "speed, which [joint] gives, too", "an input that nothing else gives"),
         ("y = { uniform = { lower = 0, upper = 1 } }", 'y = "speed / (1 m/s)"', "sweep.speed",
          "speed, which y in [inputs] follows from", "an input that no formula names"),
         ("[sweep]\n", f"[sweep]\nx = {[k / 10 for k in range(201)]}\n", "sweep", "603 combinations",
@@ -192,6 +195,7 @@ def test_mistakes_are_met_before_a_run(folder, before, after, key, found, expect
     with pytest.raises(StudyError) as caught:
         uqpen.load_study(folder / "wrong.toml")
     message = str(caught.value)
+    assert "models." not in message, "a study with a sweep names no models"
     assert f"  {key}\n    found     {found}" in message
     assert expected in message.partition(f"  {key}\n")[2]
 

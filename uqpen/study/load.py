@@ -185,7 +185,7 @@ def read_study(document: Document, name: str, folder: Path, *, trust: bool) -> V
         root, tables, model, models, methods.designs, heading.seed
     )
     check_fixed(tables["inputs"], joint, model)
-    check_sweep(tables["sweep"])
+    check_sweep(tables["sweep"], {entry.variable.name for entry in joint.random})
     check_formulas(tables["outputs"], models, inputs)
     constraints = read_constraints(tables["constraints"], model, inputs)
     plan = BudgetPlan(document.text)
@@ -242,7 +242,8 @@ def _check_parts(
 ) -> None:
     """Note what parts of a study contradict; without a whole joint distribution or model, less."""
     designs, models = study.designs, study.models
-    check_variants(root, models, {entry.variable.name for entry in study.joint.random})
+    random = {entry.variable.name for entry in study.joint.random} - {*study.swept}
+    check_variants(root, models, random)
     check_surrogates(tables["surrogates"], study.surrogates, designs, model, joint)
     if joint is not None:
         check_roles(tables["measured"], study.measured, joint)

@@ -645,9 +645,16 @@ def _swept_values(table: TableReader, variable: Input) -> list[tuple[str, str, f
     return [*found.values()]
 
 
-def check_sweep(table: TableReader) -> None:
-    """Note formulas of inputs that name a swept one: they are computed before it has a value."""
-    for other, written in inner_table(table.document.content, "inputs").items():
+def check_sweep(table: TableReader, random: set[str]) -> None:
+    """Note swept inputs that a joint sample gives, or that formulas of others name.
+
+    Formulas are computed before a swept input has a value.
+    """
+    inputs = inner_table(table.document.content, "inputs")
+    for name in sorted(random & {*table.content} - {*inputs}):
+        expected = "an input that nothing else gives"
+        table.add_problem(name, f"{name}, which [joint] gives, too", expected)
+    for other, written in inputs.items():
         for name in {*_WORD.findall(str(written))} & {*table.content}:
             found = f"{name}, which {other} in [inputs] follows from"
             table.add_problem(name, found, "an input that no formula names")
