@@ -108,6 +108,8 @@ def test_the_studies_that_come_with_it_are_right(path):
         ('use = "walker-anderson"', 'use = "walker-anderson"\ntolerance = 0', 6, "model.tolerance",
          "0", "above 0"),
         ('use = "walker-anderson"', "", 4, "model", "nothing that names a model", "use ="),
+        ('use = "walker-anderson"', 'pyhton = "a.py:f"', 4, "model",
+         "nothing that names a model, but pyhton", "python ="),
         ('"16 cm"', '"5 kg"', 10, "inputs.projectile_length", '"5 kg"', "a length"),
         ('"16 cm"', '"16,5 cm"', 10, "inputs.projectile_length", "decimal comma", '"16.5 cm"'),
         ('"16 cm"', "16", 10, "inputs.projectile_length", "without a unit", "a length"),

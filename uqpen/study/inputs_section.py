@@ -295,6 +295,7 @@ def _read_column(
         read = read_columns(measured.file)
         key, expected = "column", f"the heading of a column of {variable.title}"
         column = read.column(measured.column or "")
+        expected = f'a column of numbers, with its unit: "{column.name} [{unit}]"'
         if variable.unit is not ANY_DIMENSION:
             return column, column.values(variable.unit), read
     except TableError as error:

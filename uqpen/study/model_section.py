@@ -23,7 +23,7 @@ from uqpen.core.arrays import Arrays, FloatArray, is_finite_number
 from uqpen.core.errors import ModelError, QuantityError, toml_text
 from uqpen.core.labels import FINER_THAN, NAME, OUTCOME_OUTPUT, RANDOM_SEED, RESERVED, STANDS_FOR
 from uqpen.core.limits import Limits
-from uqpen.core.lookup import choices, resolve
+from uqpen.core.lookup import choices, nearest, resolve
 from uqpen.core.model import (
     Bounds,
     Category,
@@ -160,7 +160,9 @@ def read_model(table: TableReader) -> Model | None:
     """
     ways = [key for key in ("use", *USER_DEFINED_MODELS) if key in table]
     if len(ways) != 1:
-        found = "nothing that names a model" if not ways else " and ".join(ways)
+        found = " and ".join(ways) or "nothing that names a model"
+        if not ways and (close := [key for key in table if nearest(key, _MODEL_KEYS)]):
+            found += f", but {', '.join(close)}"
         table.add_problem((), found, f"one of {', '.join(_MODEL_KEYS.values())}")
         return None
     model: Model | None
