@@ -422,6 +422,9 @@ def test_a_worse_model_has_the_larger_score_at_the_same_draws(tmp_path):
     found = tree["models/worse/validation/fit/y"]["score_difference"].values
     assert found[2] < 0  # the score of the first is smaller
     assert "score_difference" not in tree["models/right/validation/fit/y"]
+    right, wrong, *_ = summary_lines(tree)
+    assert right.startswith("right: y: Nothing speaks against the model")
+    assert wrong.startswith("worse: y: The model disagrees")
 
 
 def test_the_page_has_measured_values_and_curves_beside_the_model(tmp_path):
