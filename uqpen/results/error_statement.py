@@ -329,16 +329,20 @@ def _total(of: _Estimates, parts: tuple[ErrorPart, ...]) -> ErrorPart:
     lower, upper, what, remark = _computed(of.own, is_probability=of.is_probability)
     if not (math.isfinite(lower) and math.isfinite(upper)):
         return ErrorPart(_TOTAL, lower, upper, remark)
-    finer = [part.of for part in parts if part.kind == _FINER]
+    finer = {
+        part.of: _computed(of.finer[part.of][0], is_probability=of.is_probability)[:2]
+        for part in parts
+        if part.kind == _FINER
+    }
     # A surrogate is of the next specimen, and not of the parameters as fitted.
     left_out = {_FORM} if of.own.fitted is None else {_FORM, _SURROGATE}
     others = [part for part in parts if part.kind not in left_out]
     ends = [(lower, upper), *((part.lower, part.upper) for part in others)]
-    ends += [_computed(of.finer[x][0], is_probability=of.is_probability)[:2] for x in finer]
-    known = [pair for pair in ends if all(map(math.isfinite, pair))]
+    known = [pair for pair in (*ends, *finer.values()) if all(map(math.isfinite, pair))]
     over = [part.name for part in others if part.is_known and part.kind == _SURROGATE]
-    over += [f"{_FINER} {model}" for model in finer]
+    over += [f"{_FINER} {model}" for model, pair in finer.items() if pair in known]
     without = [part.name for part in parts if not part.is_known or part not in others]
+    without += [f"an interval by {_FINER} {each}" for each in finer if finer[each] not in known]
     text = f"computed for {what}{' together' * (' and ' in what)}"
     text += f", and over the same by {' and by '.join(over)}" if over else ""
     text += f"; without {' and '.join(without)}" if without else ""
