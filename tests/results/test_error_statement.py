@@ -9,6 +9,7 @@ from scipy.stats import beta, norm
 import uqpen
 from uqpen.core.errors import StudyError
 from uqpen.report.sections.answer import answer
+from uqpen.report.sections.summary import summary_lines
 from uqpen.results.archive_view import select_view
 from uqpen.results.error_statement import error_statements
 from uqpen.results.json import archive_json
@@ -113,6 +114,22 @@ def test_a_finer_model_over_a_box_is_in_the_total_without_a_paired_difference(tm
     ends = float(coarse["lower_mean"][0]), float(fine["upper_mean"][0])
     assert own["finer: fine"][1:3] == ends == pytest.approx((0, 1.25), abs=0.1)
     assert mean.total[1:3] == (float(coarse["lower_mean"][1]), float(fine["upper_mean"][2]))
+    for name in ("coarse", "fine"):
+        head = f"{name}: P(> 1) of y: By some: from "
+        assert any(line.startswith(head) for line in summary_lines(tree))
+
+
+def test_the_total_says_where_a_finer_model_has_no_interval(tmp_path):
+    # Runs whose values the finer model spreads far have failed in the other, so no pair has them.
+    lines = {"coarse": "np.where(x > 1.5, np.nan, x + b)"}
+    lines["fine"] = "x + b + np.where(x > 1.5, np.exp(4 * x), 0)"
+    keys = {"fine": 'finer_than = "coarse"'}
+    found = statements(uqpen.run(study_of_models(tmp_path, keys=keys, **lines)))
+    assert (
+        found["sd"].total.definition == "computed for the runs; without an interval by finer fine"
+    )
+    expected = "computed for the runs, and over the same by finer fine"
+    assert found["median"].total.definition == expected
 
 
 def test_the_same_model_is_no_alternative(finer):

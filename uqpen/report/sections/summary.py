@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import chain, islice
 
 import numpy as np
@@ -65,8 +65,8 @@ def summary_lines(tree: xr.DataTree) -> Iterator[str]:
         quoted = (block for block in leaders(view) if isinstance(block, Quote))
         yield from chain.from_iterable(block.sentences for block in quoted)
     elif view.leading_design is None:
-        yield from _measurement_lines(view)
-        yield from map(_finding_line, bound_findings(view))
+        yield from _model_lines(view, measurement_findings)
+        yield from _model_lines(view, bound_findings)
         yield from (each.text for each in answer(view) if isinstance(each, Text))
         yield from map(_finding_line, rare_event_findings(view))
     else:
@@ -79,7 +79,7 @@ def _sample_lines(view: ArchiveView, design: str) -> Iterator[str]:
     main = main_outputs(view)
     by_output = [list(_output_lines(views, output, design)) for output in main]
     yield from map(_finding_line, decision_findings(view))
-    yield from _measurement_lines(view)
+    yield from _model_lines(view, measurement_findings)
     for lines in by_output:
         yield from lines[:1]
     yield from () if main else _curve_lines(view)
@@ -112,11 +112,13 @@ def _curve_lines(view: ArchiveView) -> Iterator[str]:
         yield plain_text(line, _LONGEST_LINE)
 
 
-def _measurement_lines(view: ArchiveView) -> Iterator[str]:
-    """Yield what measurements say of each model."""
+def _model_lines(
+    view: ArchiveView, findings: Callable[[ArchiveView], Iterator[Finding]]
+) -> Iterator[str]:
+    """Yield what is found of each model."""
     for each in view.model_views if view.model else (view,):
         head = f"{each.model}: " if each.model else ""
-        yield from (f"{head}{_finding_line(found)}" for found in measurement_findings(each))
+        yield from (f"{head}{_finding_line(found)}" for found in findings(each))
 
 
 def _count_line(view: ArchiveView, design: str) -> str:
