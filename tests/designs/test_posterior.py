@@ -727,6 +727,7 @@ def test_rows_that_are_held_out_teach_nothing_and_are_judged_as_fresh_ones(tmp_p
     assert titles == [f"held out: {compared}", compared, compared]
     first, *_ = validation_tables(tree)
     assert first.title == "y at values held out of fit"
+    assert [label for label, _ in first.rows] == ["row 2, x 1.5", "row 6, x 5"]
     headings = [each.text for each in measurements(view) if isinstance(each, Heading)]
     assert len({*headings}) == len(headings)
 

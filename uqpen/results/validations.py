@@ -87,12 +87,18 @@ class MeasuredRows:
         return found
 
     def label(self, row: int) -> str:
-        """Return the label of a row: its experiment with the conditions."""
+        """Return the label of a row: its experiment, or the row itself, with the conditions.
+
+        Experiments that were held out have numbers behind all others, which no file has.
+        """
         parts = [
             f"{name} {number_text(float(values[row]), 6)}{unit_suffix(unit)}"
             for name, (unit, values) in self.conditions.items()
         ]
-        return ", ".join([str(int(self.statistics["experiment_number"][row])), *parts])
+        in_file = self.statistics.get("file_row") if self.are_fresh else None
+        experiment = str(int(self.statistics["experiment_number"][row]))
+        head = experiment if in_file is None else f"row {int(in_file[row])}"
+        return ", ".join([head, *parts])
 
 
 def measured_rows(tree: xr.DataTree) -> Iterator[MeasuredRows]:
