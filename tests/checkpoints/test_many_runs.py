@@ -249,7 +249,8 @@ def test_a_kill_in_a_later_round_costs_one_block_at_the_most(rounds_folder):
     killed_after(rounds_folder, 9)  # in the last round; the file of the one before is still open
     again = Interrupted()
     found = runs(rounds_folder, progress=again)
-    assert again.restored == 512 + 2_048 + 2 * BLOCK
+    # Of the rounds that are no blocks, those of the last moments may be lost.
+    assert 2_048 + 2 * BLOCK <= again.restored <= 4_096 + 2 * BLOCK
     assert_same(found, runs(rounds_folder))
 
 
