@@ -111,6 +111,16 @@ def test_a_mistake_is_told_before_any_run(tmp_path, old, new, message):
     assert any(message in each for each in refused(tmp_path, LINE.replace(old, new)))
 
 
+def test_a_column_of_an_input_is_not_passed_over(tmp_path):
+    text = LINE.replace('["a", "b"]', '["a"]').replace(TABLE, f"{TABLE}\nb = [1, 1, 2, 2]")
+    text = text.replace("b = { normal = { mean = 0, std = 10 } }", "b = 1")
+    assert refused(tmp_path, text) == [
+        'measured.line.conditions: found a column "b" that no key names; expected b among the '
+        'conditions; or fixed = ["b"], not to use the column'
+    ]
+    parse_study(text.replace('unknown = ["a"]', 'unknown = ["a"]\nfixed = ["b"]'), folder=tmp_path)
+
+
 def test_one_mistake_in_the_measurements_is_one_message(tmp_path):
     assert len(refused(tmp_path, LINE.replace("std = 0.2", "std = 0"))) == 1
     assert len(refused(tmp_path, LINE.replace("line.py:line", "line.py:lin"))) == 1

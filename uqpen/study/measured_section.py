@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -110,13 +110,9 @@ def _read_section(name: str, section: TableReader, model: Model) -> MeasuredOutp
     read = _read_file(section, tables, label or "", [str(each) for each in labels])
     section.check_unknown_keys("key, nor an output of the model,")
     inputs = {variable.name: variable for variable in model.inputs}
-    for role, names in (("conditions", [*conditions]), *roles.items()):
-        for each in names:
-            if each not in inputs:
-                expected = f"an input of {model.name}; {section.suggest(each, inputs)}"
-                section.add_problem(role, toml_text(each), expected)
-                return None
-    if read is None:
+    given = read[0].columns.keys() - {label} if read else ()
+    are_inputs = _check_inputs(section, {"conditions": [*conditions], **roles}, model, given)
+    if read is None or not are_inputs:
         return None
     rows, file = read
     if label and len(_entries(rows.columns.get(label, _NO_COLUMN))) < rows.rows:
@@ -156,6 +152,28 @@ def _read_section(name: str, section: TableReader, model: Model) -> MeasuredOutp
         file,
     )
     return _divided(every, rows, tables, measured, experiment, is_left_out)
+
+
+def _check_inputs(
+    section: TableReader,
+    roles: Mapping[str, Sequence[str]],
+    model: Model,
+    columns: Collection[str],
+) -> bool:
+    """Check that roles name inputs, and that each column with the name of one has a role."""
+    inputs = [variable.name for variable in model.inputs]
+    for role, names in roles.items():
+        for each in names:
+            if each not in inputs:
+                expected = f"an input of {model.name}; {section.suggest(each, inputs)}"
+                section.add_problem(role, toml_text(each), expected)
+                return False
+    for each in inputs:
+        if each in columns and not any(each in names for names in roles.values()):
+            expected = f'{each} among the conditions; or fixed = ["{each}"], not to use the column'
+            section.add_problem("conditions", f'a column "{each}" that no key names', expected)
+            return False
+    return True
 
 
 def _divided(
