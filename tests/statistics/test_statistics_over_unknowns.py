@@ -13,6 +13,7 @@ from uqpen.charts.marks import Band, Line
 from uqpen.core.labels import STATUS, WEIGHT
 from uqpen.core.sampling import Sampling
 from uqpen.distributions.univariate import Normal
+from uqpen.report.sections.findings import alerts
 from uqpen.report.sections.summary import summary_lines
 from uqpen.results.archive_view import select_view
 from uqpen.results.error_statement import error_statements
@@ -82,6 +83,8 @@ def test_a_predictive_probability_is_never_stated_alone(fitted):
     assert "of the next one; over all parameters that fit the specimens as well" in said
     assert "x (8). Each answer is of the next one" in said
     assert "No interval includes the uncertainty of these fits" not in said
+    *_, scope = alerts(select_view(tree, None, None, None), "some", [])
+    assert "and those over parameters that of the fits, too, not that of the" in scope.text
 
 
 def test_draws_of_which_few_runs_count_are_told(fitted, monkeypatch):

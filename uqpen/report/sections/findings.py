@@ -546,10 +546,14 @@ def _scope_alert(view: ArchiveView, design: str, *, few_runs: bool) -> Alert:
         "frequent than in these runs."
     )
     rare = f" Events rarer than about 1 in {grouped_number(completed)} cannot be seen."
+    is_uncertain = any(
+        UNCERTAIN_FIT in view.attributes(name) for name in view.design(design).random_inputs
+    )
+    over_parameters = " and those over parameters that of the fits, too" * is_uncertain
     return Alert(
         SCOPE,
-        "Intervals cover the sampling error alone, not that of the model or of the assumed "
-        f"distributions. {_level_text(view, design)}, all together less often."
+        f"Intervals cover the sampling error{over_parameters or ' alone'}, not that of the model "
+        f"or of the assumed distributions. {_level_text(view, design)}, all together less often."
         + rare * (run_count(runs) > 1)
         + assumed * few_runs,
         "Compare the model with measurements, and try other distributions.",
