@@ -76,7 +76,7 @@ class ErrorPart(NamedTuple):
 
     @property
     def name(self) -> str:
-        """What it is called in tables and in JSON."""
+        """Name of the part in tables and in JSON."""
         before = {_SURROGATE: " ", _FINER: ": "}.get(self.kind, ", ")
         return f"{self.kind}{before}{self.of}" if self.of else self.kind
 

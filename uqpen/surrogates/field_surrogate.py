@@ -27,7 +27,7 @@ class FieldSurrogate(FittedSurrogate):
     name: str  # its name in the study
     inputs: tuple[Input, ...]  # those of the model that it stands for
     outputs: tuple[Output, ...]  # those that could be fitted
-    scalars: FittedSurrogate  # A surrogate of any kind, of the scalar outputs and of the scores
+    scalars: FittedSurrogate  # a surrogate of any kind, of the scalar outputs and of the scores
     fields: Mapping[str, FieldFit]  # the components of each field
     reasons: Mapping[str, str]  # as in `FittedSurrogate`
     fixed: Mapping[str, float]  # as in `FittedSurrogate`
