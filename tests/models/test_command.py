@@ -565,6 +565,16 @@ def test_a_study_says_which_folders_are_kept(home, keep, count):
         assert f"ok\nstress = 4.0\n{home}/solver 4.0 0.001\n" in texts
 
 
+def test_a_model_that_keeps_its_runs_elsewhere_is_as_the_study_has_it(home):
+    program(home, "echo 1")
+    command = 'command = ["./solver", "{width}", "{load}"]\nnoise = true'
+    text = STUDY.format(model=command, runs=10) + '[outputs.twice]\nformula = "2 * stress"\n'
+    model = parse_study(text, name="beam", folder=home).model
+    for other in (model.with_folder(home / "elsewhere"), model.reading_again()):
+        assert [each.name for each in other.all_outputs] == ["stress", "twice"]
+        assert other.noise.is_unseeded
+
+
 def test_a_folder_that_cannot_be_kept_changes_no_result(home):
     (home / "beam_runs").write_text("in the way")
     assert outcome(home, "exit 3") == (Status.FAILED, "exit code 3")

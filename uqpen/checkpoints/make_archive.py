@@ -173,7 +173,7 @@ def make_archive(
             tree = _run_study(study, map, journal, finished, checkpoint, seen)
             if record := finder.record():
                 tree.attrs[REUSED_RUNS] = record
-            if earlier := next((each for each in archives if _adds_formulas(study, each)), None):
+            if earlier := next((each for each in archives if _adds_formulas(identity, each)), None):
                 tree.attrs[FORMULAS_OVER] = str(earlier.tree.attrs[CONTENT])
             journal.start_step("writing the archive")
             # Of an archive that cannot be read, nobody knows what it has.
@@ -338,7 +338,7 @@ def _seen_noise(study: ValidatedStudy, archives: Sequence[ArchivePlace]) -> dict
     return {name: check for name, check in found.items() if check}
 
 
-def _adds_formulas(study: ValidatedStudy, earlier: ArchivePlace) -> bool:
+def _adds_formulas(study: StudyIdentity, earlier: ArchivePlace) -> bool:
     """Check that a study takes an archive's runs, and has a formula that the archive has not."""
     compared = (found for each in earlier.comparisons.values() for found in each.values())
     if all(found.changes for found in compared):

@@ -400,11 +400,10 @@ class _HashComparison:
 
     def make(self, model: Model, seconds: float | None) -> str:
         """Make the batch again; return why all runs are refused, empty if they are not."""
-        variant = self._study.models[self._name].with_model(model)
         arguments = (
             self._study,
             self._name,
-            variant,
+            model,
             self._design,
             self.total,
             [self._number],

@@ -222,7 +222,7 @@ class UserDefinedModel(UserModel):
         return Results(outputs, status, reasons, files | self.record.lines_of_runs)
 
     def with_folder(self, folder: Path) -> Model:
-        return dataclasses.replace(self, model=self.model.with_folder(folder))
+        return self._with(model=self.model.with_folder(folder))
 
     @property
     def uncompared(self) -> tuple[str, ...]:

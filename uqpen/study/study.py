@@ -70,11 +70,6 @@ class Variant:
     stand_in: StandIn | None = None  # the model that it stands for, and what a run of it costs
     finer_than: str = ""  # the model that it is with a finer tolerance or grid; empty for none
 
-    def with_model(self, model: Model) -> Variant:
-        """Return the variant with another form of its model, and what the study says of it."""
-        own = model.with_derived(self.model.derived).with_noise(self.model.noise)
-        return replace(self, model=own)
-
     @property
     def relation(self) -> dict[str, str]:
         """The model that it is no alternative to, as an attribute; empty for none."""
@@ -152,7 +147,7 @@ class ValidatedStudy:
     def reading_again(self) -> ValidatedStudy:
         """Return a study that reads the folders of its runs where they are kept."""
         variants = {
-            name: variant.with_model(variant.model.reading_again())
+            name: replace(variant, model=variant.model.reading_again())
             for name, variant in self.models.items()
         }
         return replace(self, models=variants)

@@ -332,7 +332,7 @@ def with_kept_folders(study: ValidatedStudy, folder: Path) -> ValidatedStudy:
     Programs of several models get a folder each in that folder, when the first one is kept.
     """
     models = {
-        name: variant.with_model(variant.model.with_folder(folder / name))
+        name: replace(variant, model=variant.model.with_folder(folder / name))
         for name, variant in study.models.items()
     }
     return replace(study, models=models)

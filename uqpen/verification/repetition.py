@@ -154,7 +154,7 @@ class Repetition:
                 generator = stream.generator(f"{model} {design}")
                 drawn = np.sort(generator.choice(len(archived), wanted, replace=False)).tolist()
                 for batch, own in hashes_again(
-                    self.study, model, variant, design, size, drawn, self.map, self.progress
+                    self.study, model, variant.model, design, size, drawn, self.map, self.progress
                 ):
                     if own != archived[batch]:
                         last = min((batch + 1) * BATCH_SIZE, size) - 1

@@ -14,7 +14,7 @@ from uqpen.core.errors import TooManyFailedError
 from uqpen.core.labels import MODELS, NOISE
 from uqpen.core.model import Results
 from uqpen.core.streams import Stream
-from uqpen.execution import Map, Progress, first_repeats
+from uqpen.execution import Evaluator, Map, Progress, first_repeats
 from uqpen.execution.checkpoint import Checkpoint
 from uqpen.execution.first_runs import FirstRuns
 from uqpen.models.source import BuiltInModel
@@ -73,7 +73,9 @@ def run(
             study.failures,
             partial(_report_trial, progress, name),
             is_observed=is_user_defined(variant.model),
-            repeat=partial(_repeat_trial, study, progress, name),
+            repeat=partial(
+                _repeat_trial, Evaluator(variant.model, study.constraints), progress, name
+            ),
         )
         for name, variant in study.models.items()
         if not isinstance(variant.model, BuiltInModel)
@@ -146,15 +148,12 @@ def analyse_runs(
 
 
 def _repeat_trial(
-    study: ValidatedStudy, progress: Progress, name: str, inputs: Arrays, results: Results
+    evaluator: Evaluator, progress: Progress, name: str, inputs: Arrays, results: Results
 ) -> None:
     """Make the trial run of a model again, and say what that shows before others follow."""
-    noise = (
-        ""
-        if study.models[name].model.noise.is_unseeded
-        else trial_noise(study, name, inputs, results)
-    )
-    if noise:
+    if evaluator.model.noise.is_unseeded:
+        return
+    if noise := trial_noise(evaluator, inputs, results):
         _report_trial(progress, name, f"the trial run shows {noise}")
 
 

@@ -145,15 +145,16 @@ def trial_run(study: ValidatedStudy, name: str) -> TrialRun:
     variant = study.models[name]
     model = variant.model
     model.prepare()
+    evaluator = Evaluator(model, study.constraints)
     nominal = {**study.joint.nominal(), **variant.given}
     at = {key: np.array([value]) for key, value in nominal.items()}
     columns = study.run_seeds(name).columns(at)
     began = time.monotonic()
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        results = Evaluator(model, study.constraints)(columns)
+        results = evaluator(columns)
     seconds = time.monotonic() - began
-    noise = trial_noise(study, name, columns, results)
+    noise = trial_noise(evaluator, columns, results)
     of_run = [each.message for each in caught if isinstance(each.message, RunWarning)]
     return TrialRun(
         columns,

@@ -6,7 +6,7 @@ import builtins
 import tempfile
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from itertools import pairwise
 from pathlib import Path
@@ -179,7 +179,8 @@ def check_noise(
     progress.start_step("making runs again, to see noise of the model")
     with tempfile.TemporaryDirectory(prefix="uqpen-") as folder:
         # The folders of runs that are kept stay as they are.
-        again = _Again(study, name, model.with_folder(Path(folder)), map)
+        own = Evaluator(model.with_folder(Path(folder)), study.constraints)
+        again = _Again(own, study.failures.retry, map)
         second = again.made(first)
         difference, differing = _differences(model, runs, [first, *second])
         grade = Grade.of(difference)
@@ -205,16 +206,16 @@ def check_noise(
     return NoiseCheck(text, bool(cause) and not model.noise.seed, pairs)
 
 
-def trial_noise(study: ValidatedStudy, name: str, inputs: Arrays, results: Results) -> str:
+def trial_noise(evaluator: Evaluator, inputs: Arrays, results: Results) -> str:
     """Make a trial run again; return what that shows of noise of the model, empty for none."""
-    model = study.models[name].model
+    model = evaluator.model
     if model.noise.is_unseeded:
         return f"{DECLARED}: each run is another one"
     if not _is_checked(model) or np.isin(results.status, (Status.INADMISSIBLE, *BY_MACHINE)).any():
         return ""
     with tempfile.TemporaryDirectory(prefix="uqpen-") as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore", RunWarning)  # of which the first run has warned
-        again = Evaluator(model.with_folder(Path(folder)), study.constraints)(dict(inputs))
+        again = replace(evaluator, model=model.with_folder(Path(folder)))(dict(inputs))
     of_outputs = (
         relative_difference(results.outputs[key], again.outputs[key]) for key in again.outputs
     )
@@ -258,11 +259,10 @@ def _chosen_runs(runs: xr.Dataset) -> IntArray:
 class _Again:
     """Runs of a model that are made again, and kept nowhere."""
 
-    def __init__(self, study: ValidatedStudy, name: str, model: Model, map: Map) -> None:
-        self._model = study.models[name].with_model(model).model
-        self._evaluator = Evaluator(self._model, study.constraints)
-        self._retry, self._map = study.failures.retry, map
-        self._inputs = set(study.models[name].model.run_inputs)
+    def __init__(self, evaluator: Evaluator, retry: int, map: Map) -> None:
+        self._evaluator, self._model = evaluator, evaluator.model
+        self._retry, self._map = retry, map
+        self._inputs = set(self._model.run_inputs)
 
     def made(self, runs: xr.Dataset) -> list[xr.Dataset]:
         """Make runs again; twice, in one batch, where the model takes many at a time.

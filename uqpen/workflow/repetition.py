@@ -15,13 +15,13 @@ from uqpen.archive.fields import place_text
 from uqpen.core.arrays import BoolArray
 from uqpen.core.blocks import LoadedDataset, block_ranges
 from uqpen.core.labels import RUN, STATUS
-from uqpen.core.model import Output
+from uqpen.core.model import Model, Output
 from uqpen.core.streams import BLOCK, Stream
 from uqpen.designs.rounds import first_round
 from uqpen.execution import EvaluationOptions, Evaluator, FailurePolicy, Map, Progress, evaluate
 from uqpen.execution.batching import BATCH_SIZE
 from uqpen.execution.omitted_runs import batch_hashes
-from uqpen.study.study import ValidatedStudy, Variant
+from uqpen.study.study import ValidatedStudy
 
 # What other versions or another machine may change: far more than last bits that a computation
 # carries along, far less than any interval; relative to the scale of a variable.
@@ -135,7 +135,7 @@ def run_differences(
 def hashes_again(
     study: ValidatedStudy,
     name: str,
-    variant: Variant,
+    model: Model,
     design: str,
     size: int,
     batches: list[int],
@@ -144,17 +144,17 @@ def hashes_again(
 ) -> Iterator[tuple[int, str]]:
     """Make batches of a design's runs again, and yield the number and the hash of each.
 
-    The variant is that of the model with this name, perhaps with another folder for its runs.
+    The model is the one with this name, perhaps with another folder for its runs.
     """
     drawn = first_round(study.designs[design], study.joint, Stream(study.seed, "designs", design))
-    points = study.run_seeds(name).assigned(drawn.assign(variant.given))
+    points = study.run_seeds(name).assigned(drawn.assign(study.models[name].given))
     blocked = LoadedDataset(points) if isinstance(points, xr.Dataset) else points
     progress.start_design(design, len(batches) * BATCH_SIZE)
     policy = FailurePolicy(study.failures.retry)
     options = EvaluationOptions(map=map, progress=progress, failures=policy)
     for first, last in _consecutive_batches(batches):
         part = blocked.read(first * BATCH_SIZE, min((last + 1) * BATCH_SIZE, size))
-        evaluator = Evaluator(variant.model, study.constraints)
+        evaluator = Evaluator(model, study.constraints)
         again = evaluate(evaluator, part, study.display_units(), options)
         yield from enumerate(batch_hashes(again), first)
 

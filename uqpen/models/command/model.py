@@ -343,11 +343,11 @@ class Command(Model):
         return folder if folder.is_dir() else None
 
     def reading_again(self) -> Command:
-        return replace(self, reads_again=True)
+        return self._with(reads_again=True)
 
     def with_folder(self, folder: Path) -> Command:
         """Return a copy that keeps the folders of runs in another folder."""
-        return replace(self, folder_policy=replace(self.folder_policy, folder=folder))
+        return self._with(folder_policy=replace(self.folder_policy, folder=folder))
 
     def _own_units(self, inputs: Arrays) -> dict[str, Any]:
         """Convert SI values to the units that the program takes; a seed is a whole number."""
