@@ -5,6 +5,7 @@ import importlib
 import re
 from collections import Counter
 from functools import cache
+from itertools import chain
 from pathlib import Path
 
 PACKAGE = Path(__file__).parents[1] / "uqpen"
@@ -123,6 +124,16 @@ def test_a_public_class_has_a_name_of_its_own():
     classes = [node for module in MODULES for node in definitions(module)]
     names = Counter(node.name for node in classes if isinstance(node, ast.ClassDef))
     assert [name for name, count in names.items() if count > 1 and not name.startswith("_")] == []
+
+
+def test_a_module_gives_a_name_one_value():
+    found = []
+    for module in MODULES:
+        nodes = (node for node in parsed(module).body if isinstance(node, ast.Assign))
+        assigned = (ast.unparse(node.targets[0]).strip("()").split(", ") for node in nodes)
+        names = Counter(chain.from_iterable(assigned))
+        found += [f"{module.name}: {name}" for name, count in names.items() if count > 1]
+    assert found == []
 
 
 def test_a_file_name_stands_for_two_modules_at_most():

@@ -112,6 +112,15 @@ def test_the_note_bounds_what_no_draw_met(tree):
     assert not list(find_faults(tree))
 
 
+def test_replicates_that_differ_by_more_than_their_draws_explain_are_reported(tree):
+    runs = tree["runs/rare"].to_dataset()
+    ratio = runs[DENSITY_RATIO] * np.where(runs[REPLICATE] == 0, 4.0, 1.0)
+    other = runs.assign_coords({DENSITY_RATIO: ratio})
+    found = joint_probabilities(other, (), 0.999)["joint_probability"]
+    note = str(found.coords["note"].values[0])
+    assert "some have met a part of the event that others have not" in note
+
+
 def test_a_part_that_no_search_leads_to_is_in_the_interval_or_a_note_says_so():
     # A small region where the output jumps, and a hundred times likelier than the rest.
     def spot(a, b):

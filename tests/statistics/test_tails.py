@@ -184,6 +184,7 @@ def test_no_period_is_too_long():
 def test_of_replicates_the_interval_is_called_conservative():
     found = levels(pareto(0.1, 2000), 10)["return_level"]
     assert found["interval_label"].values[1] == "conservative"
+    assert "of generalised Pareto tails" in found["interval"].values[1]
 
 
 def model(a):

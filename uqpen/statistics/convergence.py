@@ -180,7 +180,6 @@ _NO_REPLICATE = (
     "it has fewer than two complete replicates, and a part of a stratified set is no such set"
 )
 # Fewer draws say little, and the interval of a mean relies on more.
-_FEWEST = 20
 _FEW = f"fewer than {_FEWEST} of its first runs are finished"
 
 

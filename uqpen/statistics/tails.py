@@ -426,7 +426,8 @@ def _return_level(
     is_independent = sample.error_model is ErrorModel.INDEPENDENT
     label = "nominal" if is_independent else "conservative"
     lower, upper = float(ends[:, 0].min()), float(ends[:, 1].max())
-    found = Estimate(first.return_level(period), lower, upper, texts.PROFILE_LIKELIHOOD, label)
+    method = texts.PROFILE_LIKELIHOOD_OF_TAILS
+    found = Estimate(first.return_level(period), lower, upper, method, label)
     if not math.isfinite(upper):
         return Estimate.without_bounds(found.value, texts.TAIL_WITHOUT_BOUND)
     return found.with_note(*notes)

@@ -140,11 +140,7 @@ SHORTFALL_OVER_REPLICATES = (
 SHORTFALL_MAY_NOT_EXIST = "heavy tail ({runs:.1f} effective runs): the mean may not exist"
 FEW_BEYOND_QUANTILE = "fewer than ten runs lie on one side of the quantile"
 
-LINEAR_REPEATS = (
-    "Student t with {freedom} degrees of freedom, by the linear model at the minimum and the "
-    "scatter of repeats"
-)
-PROFILE_LIKELIHOOD = (
+PROFILE_LIKELIHOOD_OF_TAILS = (
     "profile likelihood of generalised Pareto tails, over all thresholds that fit, as of "
     "independent draws"
 )
@@ -508,7 +504,7 @@ NOT_CONFIRMED = (
 RANKS_OF_WEIGHTED_DRAWS = (
     "at weighted ranks times n / (n + 1), which allows for only n = {size:.3g} effective draws"
 )
-REPLICATES_DIFFER = "the replicates differ: R-hat is {rhat:.3f}, not below 1.01"
+LARGE_R_HAT = "the replicates differ: R-hat is {rhat:.3f}, not below 1.01"
 FEW_EFFECTIVE_DRAWS = "the mean is known to {error:.0%} of the standard deviation, not to 5 %"
 ENDED_TOO_EARLY = (
     "the last level ended at at_most: draws correlate by {related:.2f} with where it began"
