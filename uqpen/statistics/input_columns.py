@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 from typing import Any, TypeVar
 from weakref import WeakValueDictionary
 
@@ -86,10 +85,6 @@ class Ordering:
         return ranks
 
 
-# A sum over the runs above takes so many steps, of which each adds whole arrays.
-_STEPS = 16
-
-
 def sums_above(
     orderings: Sequence[Ordering], factors: FloatArray, values: FloatArray
 ) -> FloatArray:
@@ -102,42 +97,29 @@ def sums_above(
     orderings : sequence of Ordering
     factors : ndarray, shape (ordering, variable)
         Weight of each order in the sums of a variable.
-    values : ndarray, shape (run, variable)
+    values : ndarray, shape (variable, run)
 
     Returns
     -------
-    ndarray, shape (run, variable)
+    ndarray, shape (variable, run)
     """
-    runs, variables = values.shape
-    # Runs go from the highest down, one of each step after the other; the last place is of no run.
-    length = -(-runs // _STEPS)
-    places = np.arange(_STEPS * length).reshape(_STEPS, length).T.ravel()[runs - 1 :: -1]
-    places = np.append(places, _STEPS * length)
-    source = np.full(_STEPS * length, runs)
-    weighted, sums = np.zeros((runs + 1, variables)), np.zeros((_STEPS * length + 1, variables))
-    steps = sums[:-1].reshape(_STEPS, length, variables)
-    found, halves = np.zeros((runs, variables)), 0.0
+    found = factors.sum(axis=0)[:, np.newaxis] * values.sum(axis=-1, keepdims=True)
+    found = np.repeat(found, values.shape[-1], axis=-1)
+    ordered, up_to = np.empty(values.shape), np.zeros((len(values), values.shape[-1] + 1))
     for ordering, factor in zip(orderings, factors, strict=True):
         if not factor.any():
             continue
-        is_above = ordering.is_above
-        np.multiply(values, factor if is_above is None else factor / 2, out=weighted[:-1])
-        source[places[:-1]] = ordering.order
         # With this mode, `take` writes without a buffer.
-        np.take(weighted, source, axis=0, out=sums[:-1], mode="clip")
-        for before, step in pairwise(steps):
-            step += before
-        steps[:, 1:] += np.cumsum(steps[-1, :-1], axis=0)
-        if is_above is None:
-            halves = halves + factor / 2
-            ends = [places]
+        np.take(values, ordering.order, axis=-1, out=ordered, mode="clip")
+        np.cumsum(ordered, axis=-1, out=up_to[:, 1:])
+        if ordering.is_above is None:
+            middle = up_to[:, :-1] + up_to[:, 1:]
         else:
-            lowest = places[np.append(np.flatnonzero(is_above), runs)]
-            ends = [lowest, lowest[1:]]
-        for end in ends:
-            np.take(sums, end[ordering.level], axis=0, out=weighted[:-1], mode="clip")
-            found += weighted[:-1]
-    return found - halves * values
+            first = np.flatnonzero(ordering.is_above)
+            middle = up_to[:, first] + up_to[:, np.append(first[1:], values.shape[-1])]
+        middle *= factor[:, np.newaxis] / 2
+        found -= np.take(middle, ordering.level, axis=-1, out=ordered, mode="clip")
+    return found
 
 
 Made = TypeVar("Made")

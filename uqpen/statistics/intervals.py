@@ -57,7 +57,7 @@ def group_sums(values: FloatArray, group: IntArray, groups: int) -> FloatArray:
     ndarray, shape (..., group)
     """
     rows = math.prod(values.shape[:-1])
-    own = np.arange(rows)[:, None] * groups + group
+    own = group if rows == 1 else np.arange(rows)[:, None] * groups + group
     sums = np.bincount(own.ravel(), values.ravel(), rows * groups).astype(np.float64, copy=False)
     return sums.reshape(*values.shape[:-1], groups)
 

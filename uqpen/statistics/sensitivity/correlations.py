@@ -194,39 +194,49 @@ class _CorrelatedColumns:
         columns, reason = self.standardized, self._reason_without_bounds
         reason = self.sample.reason_without_intervals or reason
         rest = np.einsum("k,kr->r", weights.rest, columns) if is_partial else columns[-1]
-        above = np.empty((0, 0))
+        above = rest_above = np.empty((0, 0))
         if self.is_ranked and not reason:
             # A run moves the ranks of all others too: by so much those of `rest` in each column.
             above = np.empty_like(columns)
             for row, ordering, std in zip(above, self.orderings, self._rank_stds, strict=True):
-                row[:] = sums_above([ordering], np.array([[1 / std]]), rest[:, np.newaxis])[:, 0]
+                row[:] = sums_above([ordering], np.array([[1 / std]]), rest[np.newaxis])[0]
+            rest_above = np.einsum("k,kr->r", weights.rest, above) if is_partial else above[-1]
         together = _MOST_VALUES // self.sample.size
         together = together if together >= _FEWEST_TOGETHER else 1
         for first in range(0, len(inputs), together):
             some = np.array(inputs[first : first + together])
-            own = weights.own[some]
+            own, slopes = weights.own[some], weights.slopes[some, np.newaxis]
             one = np.einsum("pk,kr->pr", own, columns) if is_partial else columns[some]
-            slopes = weights.slopes[some, np.newaxis]
-            other = rest + slopes * one
-            one_std, other_std = one.std(axis=-1, keepdims=True), other.std(axis=-1, keepdims=True)
-            one, other = one / one_std, other / other_std
-            values = (one * other).mean(axis=-1, keepdims=True)
+            other = slopes * one
+            other += rest
+            # Their means are 0. Large arrays are overwritten, as memory costs more than sums.
+            one_std, other_std = _root_mean_squares(one), _root_mean_squares(other)
+            one /= one_std
+            other /= other_std
+            values = np.einsum("pr,pr->p", one, other)[:, np.newaxis] / self.sample.size
             if reason:
                 yield from (
                     Estimate.without_bounds(value, reason) for value in values[:, 0].tolist()
                 )
                 continue
-            influence = one * other - values / 2 * (one**2 + other**2)
+            # The influence of a run is one · other − value / 2 · (one² + other²).
+            influence = one * (-values / 2)
+            influence += other
+            influence *= one
+            other *= other
+            other *= values / 2
+            influence -= other
             if self.is_ranked:
                 # Of a correlation v, other − v one and one − v other, as sums of `rest` and `one`.
                 slope = slopes * one_std / other_std
                 of_one = (slope - values) / one_std + slopes * (1 - values * slope) / other_std
                 of_rest = (1 - values * slope) / other_std
                 factors = (of_one * own + of_rest * weights.rest) / self._rank_stds
-                influence += sums_above(self.orderings, factors.T, one.T).T
+                influence += sums_above(self.orderings, factors.T, one)
                 moved = np.einsum("pk,kr->pr", own, above) if is_partial else above[some]
-                influence += (1 / one_std - values * slopes / other_std) / other_std * moved
-                influence -= values / other_std**2 * np.einsum("k,kr->r", weights.rest, above)
+                moved *= (1 / one_std - values * slopes / other_std) / other_std
+                influence += moved
+                influence -= np.multiply(values / other_std**2, rest_above, out=moved)
             yield from map(self._with_bounds, values[:, 0].tolist(), influence)
 
     def _with_bounds(self, value: float, influence: FloatArray) -> Estimate:
@@ -268,3 +278,8 @@ def _standardize(values: FloatArray) -> None:
         return
     values /= largest
     values /= float(np.sqrt((values**2).mean()))
+
+
+def _root_mean_squares(values: FloatArray) -> FloatArray:
+    """Return the root of the mean square of each row, shape (row, 1)."""
+    return np.sqrt(np.einsum("pr,pr->p", values, values)[:, np.newaxis] / values.shape[-1])

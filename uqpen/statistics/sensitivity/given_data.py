@@ -115,8 +115,10 @@ class SampledVariable:
         ratio = parts.left / parts.total
         if reason := self.sample.reason_without_intervals or self._reason_without_bounds:
             return Estimate.without_bounds(1 - ratio, reason)
-        influence = ratio[..., np.newaxis] * parts.squares - parts.left_influence
-        error, freedom = standard_error(self.sample, influence / parts.total[..., np.newaxis])
+        influence = ratio[..., np.newaxis] * parts.squares
+        influence -= parts.left_influence
+        influence /= parts.total[..., np.newaxis]
+        error, freedom = standard_error(self.sample, influence)
         # Leaving out runs, or replicates, counts the noise of pairs of runs twice.
         noise, is_uncertain = (parts.pair_noise / parts.total) ** 2, self.shape.is_uncertain
         variance = np.maximum(np.where(is_uncertain, error**2, error**2 - noise), noise)

@@ -100,10 +100,12 @@ class RegressionBins:
         """Factor that makes a bin's sum of squares unbiased; 0 for a bin of one run."""
         return np.where(self.freedom > 0, self.size / np.maximum(self.freedom, 1), 0)
 
-    @cached_property
+    @property
     def leverage(self) -> FloatArray:
         """Leverage of each run on the line of its bin: from 0 to 1."""
-        return 1 / self.size[self.label] + self.place**2
+        found = self.place**2
+        found += self.at_runs(1 / self.size)
+        return found
 
     @cached_property
     def free_share(self) -> FloatArray:
@@ -152,8 +154,17 @@ class RegressionBins:
 
     def residual(self, values: FloatArray) -> FloatArray:
         """Residuals of variables from the lines of the bins, shape (..., run)."""
-        centred = values - (self.total(values) / self.size)[..., self.label]
-        return centred - self.place * self.total(self.place * centred)[..., self.label]
+        # Large arrays are overwritten, as memory costs more than sums.
+        centred = self.at_runs(self.total(values) / self.size)
+        np.subtract(values, centred, out=centred)
+        line = self.at_runs(self.total(self.place * centred))
+        line *= self.place
+        centred -= line
+        return centred
+
+    def at_runs(self, values: FloatArray) -> FloatArray:
+        """Value of its bin for each run, shape (..., run), from values of shape (..., bin)."""
+        return np.take(values, self.label, axis=-1)
 
 
 @dataclass(frozen=True)
@@ -187,21 +198,26 @@ class ResidualVariance:
     def influence(self) -> FloatArray:
         """Each run's influence on it, but for a constant, shape (..., run)."""
         # Each run has the scale of its bin. The mean over the bin compensates for a scale above 1.
-        label = self.bins.label
-        scale, mean = self.bins.scale[label], (self._sums / self.bins.size)[..., label]
-        return scale * self._leave_one_out_products - (scale - 1) * mean
+        bins = self.bins
+        scale, mean = bins.at_runs(bins.scale), bins.at_runs(self._sums / bins.size)
+        found = self._leave_one_out_products - mean
+        found *= scale
+        found += mean
+        return found
 
     @cached_property
     def pair_noise(self) -> FloatArray:
         """The part of its standard error from the products of pairs of runs in a bin."""
-        bins, squares = self.bins, self._leave_one_out_products
+        bins, products = self.bins, self._leave_one_out_products
         # The squares of 1 / size + place · place, the elements of the projection on the lines.
-        all_pairs = (
-            (bins.total(squares) / bins.size) ** 2
-            + 2 * bins.total(squares * bins.place) ** 2 / bins.size
-            + bins.total(squares * bins.place**2) ** 2
-        )
-        pairs = all_pairs - bins.total((bins.leverage * squares) ** 2)
+        pairs = (bins.total(products) / bins.size) ** 2
+        at_places = products * bins.place
+        pairs += 2 * bins.total(at_places) ** 2 / bins.size
+        at_places *= bins.place
+        pairs += bins.total(at_places) ** 2
+        own = np.multiply(products, bins.leverage, out=at_places)
+        own *= own
+        pairs -= bins.total(own)
         variance = 2 * (bins.scale**2 * np.maximum(pairs, 0)).sum(axis=-1)
         return np.sqrt(variance) / self.values.shape[-1]
 
