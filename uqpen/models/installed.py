@@ -130,24 +130,29 @@ def is_of_no_model(name: str) -> bool:
 
 
 @functools.lru_cache(maxsize=2)  # with the folder of a study on the path, and without it
-def _modules_under(_: tuple[str, ...]) -> dict[str, ModuleType]:
-    return {}
+def _modules_under(_: tuple[str, ...]) -> tuple[dict[str, ModuleType], dict[str, ModuleType]]:
+    """Return the modules known to be installed under an import path, and those that are not."""
+    return {}, {}
 
 
 def installed_modules() -> dict[str, ModuleType]:
     """Return those known to be installed under the import path, which the next study looks up."""
-    return _modules_under(tuple(sys.path))
+    return _modules_under(tuple(sys.path))[0]
 
 
 def loaded_own_modules() -> dict[str, ModuleType]:
     """Return the imported modules that are not installed, by name."""
-    installed = installed_modules()
+    installed, known = _modules_under(tuple(sys.path))
     own: dict[str, ModuleType] = {}
     for name, module in list(sys.modules.items()):
         if installed.get(name) is module or is_of_no_model(name):
             continue
-        if file := module_file(module):
+        if known.get(name) is module:
+            own[name] = module
+        elif file := module_file(module):
             (installed if is_installed(file) else own)[name] = module
+    known.clear()  # modules that are not imported any more end
+    known.update(own)
     return own
 
 
