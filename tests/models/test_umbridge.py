@@ -66,6 +66,16 @@ def address():
         yield address
 
 
+def _receive(connection):
+    """Read a whole request: a connection that is closed before may take its answer along."""
+    with connection.makefile("rb") as request:
+        length = 0
+        while line := request.readline().strip():
+            if line.lower().startswith(b"content-length:"):
+                length = int(line.partition(b":")[2])
+        request.read(length)
+
+
 @contextlib.contextmanager
 def answering(*answers, drip=None):
     """The address of a server that gives these answers, a connection each, whatever is asked.
@@ -80,7 +90,7 @@ def answering(*answers, drip=None):
         for answer in answers:
             connection, _ = listening.accept()
             with connection:
-                connection.recv(65536)
+                _receive(connection)
                 connection.sendall(answer)
         if drip is None:
             return
