@@ -47,7 +47,7 @@ from uqpen.core.statistic import Statistic, UnitRule
 from uqpen.core.units import DIMENSIONLESS
 from uqpen.results.digits import grouped_number, range_text
 from uqpen.results.texts import join_names
-from uqpen.statistics.estimate import LEVEL
+from uqpen.statistics.estimate import LEVEL, NamedArrays
 from uqpen.statistics.intervals import student_quantile
 
 # Accuracy of methods: errors, rates, and which method leads.
@@ -432,9 +432,7 @@ class EstimateRecord:
         }
         return self._array(METHOD_STATISTICS[name], statistic, values, beside)
 
-    def _comparison_arrays(
-        self, statistic: BenchmarkStatistic
-    ) -> Iterator[tuple[str, xr.DataArray]]:
+    def _comparison_arrays(self, statistic: BenchmarkStatistic) -> NamedArrays:
         """Yield what errors are relative to, and the verdicts along variant, budget and entry."""
         errors, budgets = self.accuracy(statistic), self._settings.budgets
         shape = (len(_VARIANTS), len(budgets), len(statistic.entries))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -43,7 +42,7 @@ from uqpen.designs.least_squares import (
 )
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.statistics import texts
-from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.estimate import Estimate, NamedArrays
 
 # Minima whose sums of squares differ by less than this many variances are both named.
 _COMPARABLE = 4.0
@@ -283,7 +282,7 @@ class FittedUnknowns:
 
 def fit_statistics(
     design: LeastSquares, joint: JointDistribution, runs: xr.Dataset, level: float
-) -> Iterator[tuple[str, xr.DataArray]]:
+) -> NamedArrays:
     """Yield what the runs of a search for least squares say, by the names of the catalogue.
 
     Parameters
@@ -335,7 +334,7 @@ def fit_statistics(
 
 def _unknowns_found(
     fitted: FittedUnknowns, unknowns: Unknowns, level: float, profile_level: float
-) -> Iterator[tuple[str, xr.DataArray]]:
+) -> NamedArrays:
     """Yield the unknowns with intervals, correlations and all minima, each in its SI unit."""
     for name, estimate, own_level in (
         ("unknown_value", fitted.estimate, level),

@@ -24,7 +24,7 @@ from uqpen.core.labels import (
 from uqpen.core.lookup import resolve
 from uqpen.core.sampling import Sampling
 from uqpen.execution import replicate_count, run_count
-from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.estimate import Estimate, NamedArrays
 from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.run_samples import input_sample, sample_of_statuses
@@ -55,7 +55,7 @@ def reason_without_parts(runs: xr.Dataset) -> str:
     return _reason(model, run_count(drawn), replicates)
 
 
-def convergence(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[str, xr.DataArray]]:
+def convergence(sample: Sample, quantity: QuantityOfInterest) -> NamedArrays:
     """Mean, quantiles and probabilities of an output from growing parts of a design's runs.
 
     Each part of independent draws consists of the first runs, each part of replicates of the first
@@ -80,7 +80,7 @@ def convergence(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[
 
 def convergence_of_parts(
     parts: Sequence[Sample], sizes: Sequence[int], quantity: QuantityOfInterest
-) -> Iterator[tuple[str, xr.DataArray]]:
+) -> NamedArrays:
     """Yield the same from the parts and their numbers of points."""
     *smaller, whole = parts
     for statistic in _FOLLOWED:

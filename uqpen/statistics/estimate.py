@@ -24,6 +24,9 @@ LEVEL = 0.95
 # Dimension of the places of a field, before they are put along those of the field.
 PLACE = "place"
 
+# What estimates statistics yields: the name of each in an archive, and its estimate array.
+NamedArrays = Iterator["tuple[str, xr.DataArray]"]
+
 _TEXTS = (INTERVAL, INTERVAL_LABEL, NOTE)
 
 
@@ -257,10 +260,10 @@ def _objects(texts: Any) -> npt.NDArray[np.object_]:
 
 def unweighted(
     analysis: Callable[..., Iterable[tuple[str, xr.DataArray]]],
-) -> Callable[..., Iterator[tuple[str, xr.DataArray]]]:
+) -> Callable[..., NamedArrays]:
     """Return an analysis without its values, for runs whose weights it does not know."""
 
-    def without_values(*evidence: Any) -> Iterator[tuple[str, xr.DataArray]]:
+    def without_values(*evidence: Any) -> NamedArrays:
         for name, array in analysis(*evidence):
             yield name, refused(array, texts.NOT_WEIGHTED) if BOUND in array.dims else array
 

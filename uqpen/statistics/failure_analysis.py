@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 
 import numpy as np
 import xarray as xr
@@ -11,7 +10,7 @@ import xarray as xr
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.labels import INPUT
 from uqpen.statistics import texts
-from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.estimate import Estimate, NamedArrays
 from uqpen.statistics.input_columns import Ordering
 from uqpen.statistics.intervals import student_quantile
 from uqpen.statistics.sample import ErrorModel, Sample
@@ -21,7 +20,7 @@ from uqpen.statistics.sensitivity.input_measures import input_array, input_coord
 _FEWEST_RUNS = 10
 
 
-def failure_analysis(sample: Sample) -> Iterator[tuple[str, xr.DataArray]]:
+def failure_analysis(sample: Sample) -> NamedArrays:
     """Association of each input with the failure of runs.
 
     Inadmissible points do not count as failed here: they lie outside the joint distribution, and

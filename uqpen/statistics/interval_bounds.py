@@ -26,7 +26,7 @@ from uqpen.distributions.measurements import value_text
 from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.probabilities import event_probability
 from uqpen.statistics.distribution_function.quantiles import quantiles_at
-from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.estimate import Estimate, NamedArrays
 from uqpen.statistics.moments.sample_moments import mean_estimate
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.run_samples import sample_of
@@ -89,9 +89,7 @@ def event_bounds(runs: xr.Dataset, level: float) -> dict[str, xr.DataArray]:
     }
 
 
-def output_bounds(
-    runs: xr.Dataset, quantity: QuantityOfInterest
-) -> Iterator[tuple[str, xr.DataArray]]:
+def output_bounds(runs: xr.Dataset, quantity: QuantityOfInterest) -> NamedArrays:
     """Estimate the bounds of the mean and of quantiles of an output over the intervals.
 
     Yields

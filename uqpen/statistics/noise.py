@@ -11,18 +11,16 @@ the noise of these, s²/r, of a point with r repeats.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
-import xarray as xr
 
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 from uqpen.core.labels import INPUT, INPUT_SHARE, OF_MEAN
 from uqpen.statistics import texts
-from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.estimate import Estimate, NamedArrays
 from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.intervals import fieller_margins, student_quantile
 from uqpen.statistics.moments.sample_moments import mean_estimate
@@ -328,9 +326,7 @@ class RepeatedSample:
         return replaced.remove_bounds_at(~np.isfinite(below), texts.NOISE_HIDES_IT)
 
 
-def noise_statistics(
-    sample: RepeatedSample, quantity: QuantityOfInterest
-) -> Iterator[tuple[str, xr.DataArray]]:
+def noise_statistics(sample: RepeatedSample, quantity: QuantityOfInterest) -> NamedArrays:
     """Statistics of a model with noise, from points whose runs were repeated.
 
     Yields
@@ -361,9 +357,7 @@ def noise_statistics(
         yield name, counted.to_array(units=units, long_name=long_name.format(title), level=level)
 
 
-def first_order_with_noise(
-    sample: RepeatedSample, quantity: QuantityOfInterest
-) -> Iterator[tuple[str, xr.DataArray]]:
+def first_order_with_noise(sample: RepeatedSample, quantity: QuantityOfInterest) -> NamedArrays:
     """First-order indices of a model with noise, from points whose runs were repeated.
 
     Yields
@@ -388,9 +382,7 @@ def first_order_with_noise(
         yield f"{prefix}first_order", array
 
 
-def noise_along_inputs(
-    sample: RepeatedSample, quantity: QuantityOfInterest
-) -> Iterator[tuple[str, xr.DataArray]]:
+def noise_along_inputs(sample: RepeatedSample, quantity: QuantityOfInterest) -> NamedArrays:
     """Noise of a model by where an input is, from points whose runs were repeated.
 
     Yields

@@ -43,7 +43,7 @@ from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.measurements.errors import EXACTLY, MeasuredOutput
 from uqpen.measurements.experiments import Experiments
 from uqpen.statistics import texts
-from uqpen.statistics.estimate import LEVEL, Estimate
+from uqpen.statistics.estimate import LEVEL, Estimate, NamedArrays
 from uqpen.statistics.intervals import student_interval
 
 # A posterior is sampled well where the rank-normalised R-hat of each unknown is below this, the
@@ -307,7 +307,7 @@ def posterior_statistics(
 
 def predicted_rows(
     measured: Experiments, predicted: FloatArray, sizes: FloatArray, shares: FloatArray
-) -> Iterator[tuple[str, xr.DataArray]]:
+) -> NamedArrays:
     """Yield what was measured and what draws of a posterior say of it.
 
     Parameters
@@ -341,7 +341,7 @@ def blank_row_statistics(
     sizes: FloatArray,
     results: FloatArray,
     level: float,
-) -> Iterator[tuple[str, xr.DataArray]]:
+) -> NamedArrays:
     """Yield what a posterior predicts where nothing was measured: the model with its own error.
 
     Parameters
@@ -452,9 +452,7 @@ def failed_shares(
     return "experiment_failed_share", shares
 
 
-def no_posterior(
-    measured: Experiments, reason: str, level: float
-) -> Iterator[tuple[str, xr.DataArray]]:
+def no_posterior(measured: Experiments, reason: str, level: float) -> NamedArrays:
     """Yield the reason in the place of a mean, where runs give no posterior of the unknowns."""
     unknowns = len(measured.unknown) + len(measured.errors.sizes)
     nothing = Estimate.without_bounds(np.full(unknowns, np.nan), reason)
@@ -466,7 +464,7 @@ def described_statistics(
     estimates: Mapping[str, Estimate],
     numbers: Mapping[str, FloatArray | float],
     level: float,
-) -> Iterator[tuple[str, xr.DataArray]]:
+) -> NamedArrays:
     """Yield statistics of a posterior as arrays, along the unknowns where they are of each.
 
     Parameters

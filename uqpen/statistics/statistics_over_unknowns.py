@@ -40,7 +40,7 @@ from uqpen.statistics import texts
 from uqpen.statistics.analyze import OutputStatistics, output_run_counts, run_counts
 from uqpen.statistics.distribution_function.probabilities import event_probability
 from uqpen.statistics.distribution_function.quantiles import sample_quantile
-from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.estimate import Estimate, NamedArrays
 from uqpen.statistics.joint_event import JointEvent
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.run_samples import event_sample, sample_of, samples_of
@@ -231,7 +231,7 @@ def _with_more_specimens(
     quantity: QuantityOfInterest,
     joint: JointDistribution,
     templates: Mapping[str, xr.DataArray],
-) -> Iterator[tuple[str, xr.DataArray]]:
+) -> NamedArrays:
     """Yield the answers over the draws for more specimens of each input, along ``specimens``."""
     asked = {name: templates[name] for name in _OF_MORE if name in templates}
     if not asked:

@@ -11,13 +11,12 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 import scipy
-import xarray as xr
 
 from uqpen.core.arrays import FloatArray
 from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import RETURN_PERIOD
 from uqpen.statistics import texts
-from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.estimate import Estimate, NamedArrays
 from uqpen.statistics.intervals import student_quantile
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import ErrorModel, Sample
@@ -346,9 +345,7 @@ def fitting_tails(ordered: FloatArray) -> Iterator[FittedTail]:
 _SMALLEST_SHAPE = -0.5
 
 
-def return_levels(
-    sample: Sample, quantity: QuantityOfInterest
-) -> Iterator[tuple[str, xr.DataArray]]:
+def return_levels(sample: Sample, quantity: QuantityOfInterest) -> NamedArrays:
     """Estimate return levels of an output, by a generalised Pareto distribution of its tail.
 
     Yields

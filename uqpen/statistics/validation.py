@@ -29,7 +29,7 @@ from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.measurements.errors import AT_LEAST, AT_MOST, EXACTLY
 from uqpen.measurements.experiments import Experiments, ValidationSettings
 from uqpen.statistics import texts
-from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.estimate import Estimate, NamedArrays
 from uqpen.statistics.intervals import (
     clopper_pearson,
     order_statistic_ranks,
@@ -325,9 +325,7 @@ def validations_at_experiments(
 # The statistics of an archive.
 
 
-def validation_statistics(
-    validation: Validation, output: Output
-) -> Iterator[tuple[str, xr.DataArray]]:
+def validation_statistics(validation: Validation, output: Output) -> NamedArrays:
     """Yield what measurements say of a model, by the names of the catalogue.
 
     Parameters

@@ -24,7 +24,7 @@ from uqpen.designs.posterior import error_stds, log_likelihoods
 from uqpen.distributions.joint_distribution import JointDistribution
 from uqpen.measurements.experiments import Experiments
 from uqpen.statistics import texts
-from uqpen.statistics.estimate import LEVEL, Estimate
+from uqpen.statistics.estimate import LEVEL, Estimate, NamedArrays
 from uqpen.statistics.intervals import student_interval
 from uqpen.statistics.posterior import (
     CHAINS,
@@ -152,9 +152,7 @@ def _weighted_posterior(
     return WeightedPosterior(names, values[last], found, predicted[last], level), last
 
 
-def weighted_statistics(
-    measured: Experiments, runs: xr.Dataset, level: float
-) -> Iterator[tuple[str, xr.DataArray]]:
+def weighted_statistics(measured: Experiments, runs: xr.Dataset, level: float) -> NamedArrays:
     """Yield what the runs of a posterior by a surrogate say, by the names of the catalogue."""
     posterior, last = _weighted_posterior(measured, runs, level)
     _, values = unknown_values(measured, runs)

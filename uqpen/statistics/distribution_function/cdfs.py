@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 import xarray as xr
 
@@ -11,7 +9,7 @@ from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.labels import RANK
 from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around, sample_quantile
-from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.estimate import Estimate, NamedArrays
 from uqpen.statistics.intervals import ascending, clopper_pearson, dkw_half_width, student_interval
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.reweighting import ENOUGH_ON_A_SIDE
@@ -27,7 +25,7 @@ from uqpen.statistics.weights import (
 RANKS = 1001
 
 
-def cdf(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[str, xr.DataArray]]:
+def cdf(sample: Sample, quantity: QuantityOfInterest) -> NamedArrays:
     """Estimate the distribution function at equally spaced ranks, with two bands.
 
     The pointwise band is for a value fixed beforehand. The simultaneous band covers the whole

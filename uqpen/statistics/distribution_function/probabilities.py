@@ -16,7 +16,7 @@ from uqpen.core.labels import CATEGORY, LOWER_THRESHOLD, STATUS, THRESHOLD
 from uqpen.core.status import Status
 from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around
-from uqpen.statistics.estimate import LEVEL, Estimate
+from uqpen.statistics.estimate import LEVEL, Estimate, NamedArrays
 from uqpen.statistics.intervals import clopper_pearson, student_interval
 from uqpen.statistics.quantity_of_interest import Acceptable, QuantityOfInterest, Threshold
 from uqpen.statistics.reweighting import has_enough_on_both_sides
@@ -34,9 +34,7 @@ from uqpen.statistics.weights import (
 _FEWEST_BEYOND = 10
 
 
-def exceedance_probabilities(
-    sample: Sample, quantity: QuantityOfInterest
-) -> Iterator[tuple[str, xr.DataArray]]:
+def exceedance_probabilities(sample: Sample, quantity: QuantityOfInterest) -> NamedArrays:
     """Probability that an output exceeds each of the requested thresholds.
 
     Yields
@@ -68,9 +66,7 @@ def requested_exceedances(sample: Sample, quantity: QuantityOfInterest) -> Estim
     )
 
 
-def below_probabilities(
-    sample: Sample, quantity: QuantityOfInterest
-) -> Iterator[tuple[str, xr.DataArray]]:
+def below_probabilities(sample: Sample, quantity: QuantityOfInterest) -> NamedArrays:
     """Probability that an output lies below each of the requested thresholds.
 
     A value at the threshold is neither below it nor exceeds it.
@@ -138,9 +134,7 @@ def acceptance_coordinates(
             yield f"{dimension}_{name}", (dimension, values, described)
 
 
-def category_probabilities(
-    sample: Sample, quantity: QuantityOfInterest
-) -> Iterator[tuple[str, xr.DataArray]]:
+def category_probabilities(sample: Sample, quantity: QuantityOfInterest) -> NamedArrays:
     """Probability of each category of a categorical output.
 
     Yields

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
-import xarray as xr
 
 from uqpen.core.arrays import BoolArray, FloatArray
 from uqpen.core.catalogue import CATALOGUE
 from uqpen.core.labels import PERCENT, PROBABILITY, SHORTFALL_LEVEL
 from uqpen.statistics import texts
-from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.estimate import Estimate, NamedArrays
 from uqpen.statistics.intervals import (
     order_statistic_ranks,
     student_interval,
@@ -30,9 +29,7 @@ _FEWEST_BEYOND = 10
 _PERCENTS = (1, 5, 10, 25, 50, 75, 90, 95, 99)
 
 
-def quantile_estimates(
-    sample: Sample, quantity: QuantityOfInterest
-) -> Iterator[tuple[str, xr.DataArray]]:
+def quantile_estimates(sample: Sample, quantity: QuantityOfInterest) -> NamedArrays:
     """Estimate the requested quantiles of an output.
 
     Yields
@@ -60,7 +57,7 @@ def requested_quantiles(sample: Sample, quantity: QuantityOfInterest) -> Estimat
     return quantiles_at(sample, quantity.quantiles)
 
 
-def percentiles(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[str, xr.DataArray]]:
+def percentiles(sample: Sample, quantity: QuantityOfInterest) -> NamedArrays:
     """Estimate nine percentiles of an output, from 1 % to 99 %, whatever a study requests.
 
     Yields
@@ -190,9 +187,7 @@ def _weighted_quantile_estimate(
 _FEWEST_EFFECTIVE_RUNS = 3
 
 
-def expected_shortfalls(
-    sample: Sample, quantity: QuantityOfInterest
-) -> Iterator[tuple[str, xr.DataArray]]:
+def expected_shortfalls(sample: Sample, quantity: QuantityOfInterest) -> NamedArrays:
     """Estimate the mean of an output beyond its quantiles at the requested levels.
 
     Yields

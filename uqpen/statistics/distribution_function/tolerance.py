@@ -15,7 +15,6 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-import xarray as xr
 
 from uqpen.core.labels import CONTENT_LEVEL, INTERVAL_CONTENT, LOWER_CONTENT
 from uqpen.statistics import texts
@@ -24,7 +23,7 @@ from uqpen.statistics.distribution_function.quantiles import (
     order_statistic,
     sample_quantile,
 )
-from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.estimate import Estimate, NamedArrays
 from uqpen.statistics.intervals import (
     runs_needed,
     runs_needed_for_both,
@@ -49,7 +48,7 @@ class _Kind(NamedTuple):
 
     def arrays(
         self, sample: Sample, quantity: QuantityOfInterest, contents: Sequence[float]
-    ) -> Iterator[tuple[str, xr.DataArray]]:
+    ) -> NamedArrays:
         """Yield the limits of all contents as one estimate array."""
         if quantity.output.categories or not contents:
             return
@@ -72,9 +71,7 @@ class _Kind(NamedTuple):
         yield self.name, array
 
 
-def tolerance_limits(
-    sample: Sample, quantity: QuantityOfInterest
-) -> Iterator[tuple[str, xr.DataArray]]:
+def tolerance_limits(sample: Sample, quantity: QuantityOfInterest) -> NamedArrays:
     """Estimate one-sided upper tolerance limits of an output for the requested contents.
 
     Yields
@@ -89,9 +86,7 @@ def tolerance_limits(
     yield from _UPPER.arrays(sample, quantity, quantity.tolerance_contents)
 
 
-def lower_tolerance_limits(
-    sample: Sample, quantity: QuantityOfInterest
-) -> Iterator[tuple[str, xr.DataArray]]:
+def lower_tolerance_limits(sample: Sample, quantity: QuantityOfInterest) -> NamedArrays:
     """Estimate one-sided lower tolerance limits of an output for the requested contents.
 
     Yields
@@ -104,9 +99,7 @@ def lower_tolerance_limits(
     yield from _LOWER.arrays(sample, quantity, quantity.lower_tolerance_contents)
 
 
-def tolerance_intervals(
-    sample: Sample, quantity: QuantityOfInterest
-) -> Iterator[tuple[str, xr.DataArray]]:
+def tolerance_intervals(sample: Sample, quantity: QuantityOfInterest) -> NamedArrays:
     """Estimate two-sided tolerance intervals of an output for the requested contents.
 
     As many runs are left out below an interval as above it. It contains its share of all cases as

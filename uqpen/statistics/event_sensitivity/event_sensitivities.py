@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Protocol
@@ -25,7 +25,7 @@ from uqpen.statistics.analyze import (
     large_sample,
     run_counts,
 )
-from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.estimate import Estimate, NamedArrays
 from uqpen.statistics.event_sensitivity.sample_sensitivity import (
     InputScores,
     SensitivityEstimates,
@@ -112,7 +112,7 @@ def sensitivity_arrays(
     rows: Sequence[Sequence[SensitivityEstimates]],
     inputs: ScoredInputs,
     level: float,
-) -> Iterator[tuple[str, xr.DataArray]]:
+) -> NamedArrays:
     """Yield the sensitivities of events, along the events and the inputs.
 
     Yields

@@ -24,7 +24,7 @@ from uqpen.statistics.distribution_function.probabilities import (
     exceedance_probabilities,
 )
 from uqpen.statistics.distribution_function.quantiles import quantile_estimates
-from uqpen.statistics.estimate import PLACE
+from uqpen.statistics.estimate import PLACE, NamedArrays
 from uqpen.statistics.moments.sample_moments import sample_moments
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
@@ -117,7 +117,7 @@ def at_each_place(
     field: FieldSample,
     quantity: QuantityOfInterest,
     most: int | None = None,
-) -> Iterator[tuple[str, xr.DataArray]]:
+) -> NamedArrays:
     """Apply the analysis of a scalar output to the values of a field at each place.
 
     Parameters
@@ -196,27 +196,24 @@ def _joined(
 # Statistics at each place of a field: moments, quantiles, probabilities, shares of runs.
 
 
-Arrays = Iterator[tuple[str, xr.DataArray]]
-
-
-def moments_at_places(field: FieldSample, quantity: QuantityOfInterest) -> Arrays:
+def moments_at_places(field: FieldSample, quantity: QuantityOfInterest) -> NamedArrays:
     """Mean and standard deviation at each place of a field."""
     # The others are diagnostics of one distribution.
     yield from at_each_place(sample_moments, field, quantity, most=2)
 
 
-def quantiles_at_places(field: FieldSample, quantity: QuantityOfInterest) -> Arrays:
+def quantiles_at_places(field: FieldSample, quantity: QuantityOfInterest) -> NamedArrays:
     """Estimate the requested quantiles at each place of a field."""
     yield from at_each_place(quantile_estimates, field, quantity)
 
 
-def probabilities_at_places(field: FieldSample, quantity: QuantityOfInterest) -> Arrays:
+def probabilities_at_places(field: FieldSample, quantity: QuantityOfInterest) -> NamedArrays:
     """Probabilities of lying beyond each of the requested thresholds, at each place of a field."""
     yield from at_each_place(exceedance_probabilities, field, quantity)
     yield from at_each_place(below_probabilities, field, quantity)
 
 
-def reached(field: FieldSample, quantity: QuantityOfInterest) -> Arrays:
+def reached(field: FieldSample, quantity: QuantityOfInterest) -> NamedArrays:
     """Probability that a curve reaches each place, where curves may end before.
 
     Yields
@@ -233,7 +230,7 @@ def reached(field: FieldSample, quantity: QuantityOfInterest) -> Arrays:
     yield from at_each_place(_reached, FieldSample(events, always), quantity)
 
 
-def _reached(sample: Sample, quantity: QuantityOfInterest) -> Arrays:
+def _reached(sample: Sample, quantity: QuantityOfInterest) -> NamedArrays:
     """Probability that a value is 1."""
     long_name = f"probability that {quantity.output.title} reaches a place"
     found = event_probability(sample, sample.values > 0)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 from uqpen.core.labels import CURVE
 from uqpen.core.variables import field_coordinates
 from uqpen.statistics import texts
+from uqpen.statistics.estimate import NamedArrays
 from uqpen.statistics.fields.field_sample import FieldSample
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 
@@ -23,9 +23,7 @@ _FENCE = 1.5
 _ROUNDING = 1e-12
 
 
-def ranked_curves(
-    field: FieldSample, quantity: QuantityOfInterest
-) -> Iterator[tuple[str, xr.DataArray]]:
+def ranked_curves(field: FieldSample, quantity: QuantityOfInterest) -> NamedArrays:
     """Rank the curves of the runs by their depth, as for a functional boxplot.
 
     Yields

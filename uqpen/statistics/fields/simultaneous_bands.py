@@ -19,7 +19,7 @@ from uqpen.core.streams import Stream
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.quantiles import quantile_estimates, sample_quantile
-from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.estimate import Estimate, NamedArrays
 from uqpen.statistics.fields.field_sample import (
     FieldSample,
     ScalarAnalysis,
@@ -328,9 +328,7 @@ def _studentised(curves: FloatArray) -> FloatArray:
     return found
 
 
-def mean_band(
-    field: FieldSample, quantity: QuantityOfInterest
-) -> Iterator[tuple[str, xr.DataArray]]:
+def mean_band(field: FieldSample, quantity: QuantityOfInterest) -> NamedArrays:
     """Estimate the mean of a field with a band that holds at all places at once.
 
     Yields
@@ -351,9 +349,7 @@ def mean_band(
     yield "mean_band", _band(array, Estimate.from_array(array), field, places, level)
 
 
-def quantile_band(
-    field: FieldSample, quantity: QuantityOfInterest
-) -> Iterator[tuple[str, xr.DataArray]]:
+def quantile_band(field: FieldSample, quantity: QuantityOfInterest) -> NamedArrays:
     """Estimate the requested quantiles of a field, each with a band that holds at all places.
 
     Yields
@@ -498,9 +494,7 @@ _THIRD = 3
 _BAND_PLACES = 256
 
 
-def tolerance_band(
-    field: FieldSample, quantity: QuantityOfInterest
-) -> Iterator[tuple[str, xr.DataArray]]:
+def tolerance_band(field: FieldSample, quantity: QuantityOfInterest) -> NamedArrays:
     """Estimate the bands that hold a share of all curves, each curve at all of its places.
 
     One run in three, or one replicate in three, gives a median and the distances from it to a low

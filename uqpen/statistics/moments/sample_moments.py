@@ -16,7 +16,7 @@ from uqpen.core.labels import CONDITIONAL, QUADRATURE_WEIGHT, STATUS
 from uqpen.core.status import Status
 from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around, sample_quantile
-from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.estimate import Estimate, NamedArrays
 from uqpen.statistics.intervals import student_interval
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.reweighting import ENOUGH_SHARE
@@ -51,9 +51,7 @@ _ROUNDING = 1e-12
 _LARGEST_EXPONENT = 709.0
 
 
-def sample_moments(
-    sample: Sample, quantity: QuantityOfInterest
-) -> Iterator[tuple[str, xr.DataArray]]:
+def sample_moments(sample: Sample, quantity: QuantityOfInterest) -> NamedArrays:
     """Moments of an output, with the tail's kurtosis and effective number of runs.
 
     Yields
@@ -274,9 +272,7 @@ def combined_error(low: float, high: float, correlation: float) -> float:
 _SUM_ROUNDING = 1e-12
 
 
-def quadrature_moments(
-    runs: xr.Dataset, quantity: QuantityOfInterest
-) -> Iterator[tuple[str, xr.DataArray]]:
+def quadrature_moments(runs: xr.Dataset, quantity: QuantityOfInterest) -> NamedArrays:
     """Moments of an output by the weights of its runs.
 
     Yields

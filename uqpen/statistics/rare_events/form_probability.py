@@ -31,7 +31,7 @@ from uqpen.designs.rare_events.form import (
 )
 from uqpen.designs.rare_events.limit_state import EventOutcomes, LimitState
 from uqpen.statistics import texts
-from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.estimate import Estimate, NamedArrays
 from uqpen.statistics.rare_events.rare_event_probability import RareEventProbability
 from uqpen.statistics.sensitivity.input_measures import input_coordinate
 
@@ -201,9 +201,7 @@ def _described(points: Sequence[DesignPoint], runs: xr.Dataset) -> Iterator[str]
         )
 
 
-def _design_point_arrays(
-    points: Sequence[DesignPoint], runs: xr.Dataset
-) -> Iterator[tuple[str, xr.DataArray]]:
+def _design_point_arrays(points: Sequence[DesignPoint], runs: xr.Dataset) -> NamedArrays:
     """Yield what is known of design points. Nothing measures its error, so it has no bounds.
 
     Parameters

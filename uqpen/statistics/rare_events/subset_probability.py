@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple
@@ -26,7 +26,7 @@ from uqpen.core.lookup import resolve
 from uqpen.designs.rare_events.limit_state import EventOutcomes, LimitState, NamedOutcome
 from uqpen.designs.rare_events.subset_simulation import STEPS, ChainStates
 from uqpen.statistics import texts
-from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.estimate import Estimate, NamedArrays
 from uqpen.statistics.intervals import runs_needed
 from uqpen.statistics.quantity_of_interest import DEFAULT_QUANTILES, QuantityOfInterest
 from uqpen.statistics.rare_events.rare_event_probability import (
@@ -235,9 +235,7 @@ def _ends(table: FloatArray, level: float, sign: int) -> FloatArray:
 # Quantiles and tolerance limits far out, from a design that moves towards an event.
 
 
-def rare_quantiles(
-    runs: xr.Dataset, quantity: QuantityOfInterest
-) -> Iterator[tuple[str, xr.DataArray]]:
+def rare_quantiles(runs: xr.Dataset, quantity: QuantityOfInterest) -> NamedArrays:
     """Estimate the requested quantiles and tolerance limits of the output of an event.
 
     The levels of each replicate give the probability beyond every value. A quantile is where their

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 
 import numpy as np
 import numpy.typing as npt
-import xarray as xr
 from scipy import special
 
 from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.core.streams import Stream
 from uqpen.statistics import texts
-from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.estimate import Estimate, NamedArrays
 from uqpen.statistics.input_columns import Ordering
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
@@ -31,7 +29,7 @@ _RESAMPLES = 30
 _MOST_CLASSES = 48
 
 
-def delta(sample: Sample, quantity: QuantityOfInterest) -> Iterator[tuple[str, xr.DataArray]]:
+def delta(sample: Sample, quantity: QuantityOfInterest) -> NamedArrays:
     """Moment-independent measure delta: 0 for no influence, 1 where the input decides all.
 
     Yields

@@ -33,7 +33,7 @@ from uqpen.core.settings import count, validate
 from uqpen.core.status import Status
 from uqpen.designs.one_at_a_time import moved_input_numbers
 from uqpen.statistics import texts
-from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.estimate import Estimate, NamedArrays
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sample import Sample
 from uqpen.statistics.sensitivity.input_measures import (
@@ -41,8 +41,6 @@ from uqpen.statistics.sensitivity.input_measures import (
     input_coordinate,
     reason_without_measure,
 )
-
-Statistics = Iterator[tuple[str, xr.DataArray]]
 
 # More values of inputs than these would take SALib's delta minutes.
 _MOST_VALUES_FOR_DELTA = 10_000
@@ -124,7 +122,7 @@ class SalibAnalysis(ABC):
         """Yield the problems between settings that are valid by themselves."""
         yield from ()
 
-    def __call__(self, sample: Sample, quantity: QuantityOfInterest) -> Statistics:
+    def __call__(self, sample: Sample, quantity: QuantityOfInterest) -> NamedArrays:
         """Yield its statistics; inputs without an estimate have the reason."""
         if quantity.output.categories or not sample.inputs:
             return
@@ -392,7 +390,7 @@ def _single(made: dict[str, FloatArray] | str, key: str, reason: str) -> Estimat
     return Estimate.without_bounds(float(made[key][0]), reason)
 
 
-def search_curves(runs: xr.Dataset, quantity: QuantityOfInterest) -> Statistics:
+def search_curves(runs: xr.Dataset, quantity: QuantityOfInterest) -> NamedArrays:
     """First-order and total indices by FAST: each input has a curve through the inputs' space.
 
     A curve with a failed run has no index, as its frequencies need all places in their order.
@@ -431,7 +429,7 @@ def search_curves(runs: xr.Dataset, quantity: QuantityOfInterest) -> Statistics:
     )
 
 
-def derivatives(runs: xr.Dataset, quantity: QuantityOfInterest) -> Statistics:
+def derivatives(runs: xr.Dataset, quantity: QuantityOfInterest) -> NamedArrays:
     """Mean squared derivative of an output by each input, relative to their variances (DGSM).
 
     It is ν σ² / Var y, with ν the mean of (∂y/∂x)² and σ the standard deviation of the input: for a
@@ -467,7 +465,7 @@ def derivatives(runs: xr.Dataset, quantity: QuantityOfInterest) -> Statistics:
     yield "salib_dgsm", _stated(input_array(estimates, [*inputs], long_name))
 
 
-def two_levels(runs: xr.Dataset, quantity: QuantityOfInterest) -> Statistics:
+def two_levels(runs: xr.Dataset, quantity: QuantityOfInterest) -> NamedArrays:
     """Main effect of each input between two of its levels, by a fractional factorial design.
 
     The effect is half of the change of the output, as SALib defines it. It includes

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -26,7 +26,7 @@ from uqpen.core.status import Status
 from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.designs.one_at_a_time import moved_input_numbers
 from uqpen.statistics import texts
-from uqpen.statistics.estimate import LEVEL, Estimate
+from uqpen.statistics.estimate import LEVEL, Estimate, NamedArrays
 from uqpen.statistics.fields.field_sample import joined_places
 from uqpen.statistics.intervals import student_quantile
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
@@ -43,9 +43,7 @@ _FEWEST_DISTINCT = 5
 _ROUNDING = 1e-12
 
 
-def elementary_effects(
-    runs: xr.Dataset, quantity: QuantityOfInterest
-) -> Iterator[tuple[str, xr.DataArray]]:
+def elementary_effects(runs: xr.Dataset, quantity: QuantityOfInterest) -> NamedArrays:
     """Mean, mean absolute value and standard deviation of each input's elementary effects.
 
     An effect is the change of the output divided by the change of the input's probability. A
@@ -151,9 +149,7 @@ def _deviation(effects: FloatArray) -> float:
 _CURVED = 0.1
 
 
-def relative_responses(
-    runs: xr.Dataset, quantity: QuantityOfInterest
-) -> Iterator[tuple[str, xr.DataArray]]:
+def relative_responses(runs: xr.Dataset, quantity: QuantityOfInterest) -> NamedArrays:
     """Relative derivatives of an output, and contributions of the inputs to its uncertainty.
 
     Yields
@@ -292,22 +288,22 @@ class _Steps:
 
 # The same at each place of a field.
 
-
-Arrays = Iterator[tuple[str, xr.DataArray]]
-DesignAnalysis = Callable[[xr.Dataset, QuantityOfInterest], Iterable[tuple[str, xr.DataArray]]]
+DesignAnalysis = Callable[[xr.Dataset, QuantityOfInterest], NamedArrays]
 
 
-def effects_at_places(runs: xr.Dataset, quantity: QuantityOfInterest) -> Arrays:
+def effects_at_places(runs: xr.Dataset, quantity: QuantityOfInterest) -> NamedArrays:
     """Mean, mean absolute value and standard deviation of elementary effects at each place."""
     yield from _at_places(elementary_effects, runs, quantity)
 
 
-def responses_at_places(runs: xr.Dataset, quantity: QuantityOfInterest) -> Arrays:
+def responses_at_places(runs: xr.Dataset, quantity: QuantityOfInterest) -> NamedArrays:
     """Relative responses and contributions at each place, in some units changes, too."""
     yield from _at_places(relative_responses, runs, quantity)
 
 
-def _at_places(analysis: DesignAnalysis, runs: xr.Dataset, quantity: QuantityOfInterest) -> Arrays:
+def _at_places(
+    analysis: DesignAnalysis, runs: xr.Dataset, quantity: QuantityOfInterest
+) -> NamedArrays:
     """Apply the analysis of a design at each place; a run without a value there has failed."""
     output = quantity.output
     scalar = replace(quantity, output=replace(output, dims=(), may_end=False))

@@ -20,7 +20,7 @@ from uqpen.core.status import Status
 from uqpen.designs.saltelli import MATRIX_A, MATRIX_B, BlockLayout
 from uqpen.statistics import texts
 from uqpen.statistics.distribution_function.quantiles import has_enough_runs_around
-from uqpen.statistics.estimate import LEVEL, Estimate
+from uqpen.statistics.estimate import LEVEL, Estimate, NamedArrays
 from uqpen.statistics.fields.field_sample import equal_columns
 from uqpen.statistics.input_columns import InputColumns
 from uqpen.statistics.intervals import (
@@ -345,9 +345,7 @@ class BlockVariable:
         return np.where(self.shape.is_doubtful, texts.DOUBTFUL_TAIL, "")
 
 
-def sobol_indices(
-    runs: xr.Dataset, quantity: QuantityOfInterest
-) -> Iterator[tuple[str, xr.DataArray]]:
+def sobol_indices(runs: xr.Dataset, quantity: QuantityOfInterest) -> NamedArrays:
     """Sobol' indices of an output, of its logarithm and of its exceedance of thresholds.
 
     Yields
@@ -414,9 +412,7 @@ def _pair_coordinates(layout: BlockLayout) -> dict[str, Any]:
 # The same at each place of a field, and of the field as a whole.
 
 
-def sobol_indices_at_places(
-    runs: xr.Dataset, quantity: QuantityOfInterest
-) -> Iterator[tuple[str, xr.DataArray]]:
+def sobol_indices_at_places(runs: xr.Dataset, quantity: QuantityOfInterest) -> NamedArrays:
     """Sobol' indices of a field: at each place, and weighted by the variance over all places.
 
     Where curves end, a block counts at the places that all of its curves reach. A place that fewer

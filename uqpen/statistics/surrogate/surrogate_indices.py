@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import numpy as np
-import xarray as xr
 
 from uqpen.core.arrays import FloatArray
 from uqpen.core.labels import ESTIMATOR, OF_LOGARITHM
 from uqpen.statistics import texts
-from uqpen.statistics.estimate import Estimate
+from uqpen.statistics.estimate import Estimate, NamedArrays
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.sensitivity.input_measures import function_array, output_functions
 from uqpen.statistics.surrogate.surrogate_draws import MOST_INPUTS_FOR_ALL_SETS, SurrogateDraws
@@ -23,9 +22,7 @@ _ORDERS = {
 }
 
 
-def surrogate_indices(
-    draws: SurrogateDraws, quantity: QuantityOfInterest
-) -> Iterator[tuple[str, xr.DataArray]]:
+def surrogate_indices(draws: SurrogateDraws, quantity: QuantityOfInterest) -> NamedArrays:
     """Indices of an output, of its logarithm if that was fitted, and of exceedance of thresholds.
 
     Yields

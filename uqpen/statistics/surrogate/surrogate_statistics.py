@@ -41,6 +41,7 @@ from uqpen.core.model import Dimension
 from uqpen.core.variables import field_coordinates
 from uqpen.statistics import FIELD_ANALYSES, texts
 from uqpen.statistics.analyze import OutputStatistics, analyze, in_catalogue_order
+from uqpen.statistics.estimate import NamedArrays
 from uqpen.statistics.fields.field_sample import FieldSample
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
 from uqpen.statistics.run_samples import samples_of
@@ -281,8 +282,6 @@ _MOST_CURVE_VALUES, _FEWEST_CURVES, _MOST_CURVES = 2**24, 64, 512
 # Values of a field that are put together at a time: 32 MB.
 _MOST_VALUES = 2**22
 
-Arrays = Iterator[tuple[str, xr.DataArray]]
-
 _FROM_COEFFICIENTS = "from the coefficients"
 
 _REACHED = "reached"
@@ -303,7 +302,7 @@ class _Field:
     fit: FieldFit
     quantity: QuantityOfInterest
 
-    def statistics(self, only: Collection[str] | None) -> Arrays:
+    def statistics(self, only: Collection[str] | None) -> NamedArrays:
         """Yield all statistics of some groups, by default of all."""
         if not self.is_scaled and (only is None or MOMENTS in only):
             yield from self.moments()
@@ -335,7 +334,7 @@ class _Field:
         forms = self.draws.closed_forms_of_output(scores[0])
         return forms.closed_form_terms(scores) if forms is not None else None
 
-    def moments(self) -> Arrays:
+    def moments(self) -> NamedArrays:
         """Yield mean and standard deviation at each place."""
         parts = self.fit.components.components
         if self.terms:
@@ -359,7 +358,7 @@ class _Field:
             title = f"{title} of {output.title}"
             yield name, self._array(values, title, estimator, texts.NO_RUN, unit=output.unit)
 
-    def by_draws(self, group: str) -> Arrays:
+    def by_draws(self, group: str) -> NamedArrays:
         """Yield the statistics of an analysis of fields, some places at a time."""
         found: dict[str, list[xr.DataArray]] = {}
         for part in self._parts():
@@ -396,7 +395,7 @@ class _Field:
             output = replace(self.quantity.output, dims=(along,), may_end=self.is_scaled)
             yield FieldSample(replace(self.sample, values=values), output)
 
-    def indices(self) -> Arrays:
+    def indices(self) -> NamedArrays:
         """Yield Sobol' indices and Shapley effects at each place and of the whole field."""
         joint, components, shares = self.draws.joint, self.fit.components, None
         parts = components.components
