@@ -230,8 +230,8 @@ class FunctionFamily(NamedTuple):
 
     members: Mapping[str, str]  # the built-in members, by name, with their references
     group: str  # the entry points with which installed packages add members
-    what: str  # A member, for a message
-    form: str  # A reference to a function of the user's, for a message
+    what: str  # a member, for a message
+    form: str  # a reference to a function of the user's, for a message
     error: type[UqpenError]  # class of the errors of such functions
 
     def find(self, named: str | Callable[..., Any], folder: Path) -> UserDefinedFunction:

@@ -41,7 +41,7 @@ from uqpen.study.table_reader import (
 from uqpen.study.user_defined_members import (
     DESIGN,
     Files,
-    read_kind,
+    read_member,
 )
 
 # What has a meaning where the inputs depend on each other.
@@ -90,10 +90,9 @@ def read_designs(
     for name, section in named_tables(table):
         repeats = section.settings(Repeats) or Repeats()
         at = section.settings(AtSetting) or AtSetting()
-        design, _, loaded = read_kind(
+        design, _, loaded = read_member(
             section,
             DESIGN,
-            "design",
             lambda label, is_object: UnloadedDesign(label),
             partial(_refuse_rules, section),
         )

@@ -70,7 +70,7 @@ from uqpen.study.user_defined_members import (
     Files,
     installed_names,
     is_reference,
-    read_member,
+    read_user_defined,
 )
 
 # The keys that stand where the name of a distribution would.
@@ -824,7 +824,8 @@ def _read_distribution(table: TableReader, variable: Input, family: str) -> Rand
     elif is_reference(family) and not table.trust:
         distribution = UnloadedDistribution(family)
     else:
-        distribution, files = read_member(table, (), family, DISTRIBUTION, variable.unit)
+        distribution, folder = read_user_defined(table, (), family, DISTRIBUTION, variable.unit)
+        files = folder.files() if folder else ()
     if distribution is None:
         return None
     # The unit of the first parameter as it is written.

@@ -481,7 +481,7 @@ def read_dependence(
         return joint
     if "measured" in table:
         return _measured_together(table, inputs, model, stream)
-    copula = read_class(table, "copula", COPULA, "a copula")
+    copula = read_class(table, "copula", COPULA)
     if copula is None:
         return joint
     noted = len(table.problems)

@@ -57,7 +57,7 @@ from uqpen.study.outcomes_section import (
 )
 from uqpen.study.study import ONLY_MODEL, StandIn, Variant
 from uqpen.study.table_reader import OBJECT, TableReader, check_names, named_tables
-from uqpen.study.user_defined_members import MODEL, installed_names, is_reference, read_instance
+from uqpen.study.user_defined_members import MODEL, installed_names, is_reference, read_user_defined
 from uqpen.study.variables_section import Variables, read_variables, refuse_grids
 
 _WORD = re.compile(r"[^\W\d]\w*")
@@ -456,7 +456,7 @@ def read_model_class(table: TableReader) -> Model | None:
         return None
     installed = [] if is_reference(name) else installed_names(MODEL, name)
     if not is_reference(name) and name not in installed:
-        expected = f"a built-in model; {choices(name, [*MODEL.family, *installed])}"
+        expected = f"a built-in model; {choices(name, [*MODEL.members, *installed])}"
         table.add_wrong("use", name, expected)
         return None
     if is_reference(name) and not table.trust:
@@ -468,7 +468,7 @@ def read_model_class(table: TableReader) -> Model | None:
         expected = "a built-in model: the inputs of others are known by code that is not executed"
         table.add_wrong("use", name, expected)
         return None
-    model, surroundings = read_instance(table, "use", name, MODEL)
+    model, surroundings = read_user_defined(table, "use", name, MODEL)
     if model is None:
         return None
     faults = list(find_variable_faults(model))

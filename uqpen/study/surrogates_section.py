@@ -22,7 +22,7 @@ from uqpen.study.table_reader import (
     TableReader,
     named_tables,
 )
-from uqpen.study.user_defined_members import SURROGATE, read_kind
+from uqpen.study.user_defined_members import SURROGATE, read_member
 from uqpen.surrogates.refinement import (
     FOR_PROBABILITIES,
     RefinedDesign,
@@ -69,9 +69,7 @@ def read_surrogates(
             continue
         if "kind" in section or OBJECT not in section:
             section.settings(Refinement)  # of any kind; read again where the designs are known
-        surrogate, origin, files = read_kind(
-            section, SURROGATE, "surrogate", partial(_unloaded, section)
-        )
+        surrogate, origin, files = read_member(section, SURROGATE, partial(_unloaded, section))
         if surrogate is None:
             continue
         found[name] = surrogate

@@ -35,13 +35,14 @@ from uqpen.surrogates.surrogate import Surrogate
 Files = tuple[FileSnapshot, ...]
 
 
-class Kind(NamedTuple):
-    """Family that a user-defined class can belong to."""
+class ClassFamily(NamedTuple):
+    """Family of classes to which a user's own can be added without touching the package."""
 
-    base: type  # the class that it derives from
-    family: Mapping[str, str]  # the built-in members
+    base: type  # the class that its members derive from
+    members: Mapping[str, str]  # the built-in members, by name, with their references
     group: str  # the entry points with which installed packages add members
-    form: str  # A reference, for a message
+    what: str  # a member, for a message
+    form: str  # a reference to a class of the user's, for a message
     can_lack_settings: bool = False  # true if a class without settings need not be a dataclass
     # Fields that are no settings: the reader of the family's table gives them.
     given: tuple[str, ...] = ()
@@ -49,19 +50,31 @@ class Kind(NamedTuple):
     @property
     def expected(self) -> str:
         """The accepted classes, for a message."""
-        kind = "a class" if self.can_lack_settings else "a frozen dataclass"
-        return f"{kind} derived from {self.base.__module__}.{self.base.__name__}"
+        required = "a class" if self.can_lack_settings else "a frozen dataclass"
+        return f"{required} derived from {self.base.__module__}.{self.base.__name__}"
 
 
-# One line for each family whose members are classes.
-DESIGN = Kind(Design, DESIGNS, "uqpen.designs", "my_designs.py:Design")
-DISTRIBUTION = Kind(
-    Distribution, DISTRIBUTIONS, "uqpen.distributions", "my_distributions.py:Distribution"
+DESIGN = ClassFamily(Design, DESIGNS, "uqpen.designs", "design", "my_designs.py:Design")
+DISTRIBUTION = ClassFamily(
+    Distribution,
+    DISTRIBUTIONS,
+    "uqpen.distributions",
+    "distribution",
+    "my_distributions.py:Distribution",
 )
-SURROGATE = Kind(Surrogate, SURROGATES, ENTRY_POINTS, "my_surrogates.py:Surrogate")
-MODEL = Kind(Model, MODELS, "uqpen.models", "my_model.py:MyModel", can_lack_settings=True)
-COPULA = Kind(
-    Dependence, COPULAS, "uqpen.copulas", "my_copulas.py:Copula", given=("inputs", "matrix")
+SURROGATE = ClassFamily(
+    Surrogate, SURROGATES, ENTRY_POINTS, "surrogate", "my_surrogates.py:Surrogate"
+)
+MODEL = ClassFamily(
+    Model, MODELS, "uqpen.models", "model", "my_model.py:MyModel", can_lack_settings=True
+)
+COPULA = ClassFamily(
+    Dependence,
+    COPULAS,
+    "uqpen.copulas",
+    "copula",
+    "my_copulas.py:Copula",
+    given=("inputs", "matrix"),
 )
 
 
@@ -70,14 +83,59 @@ def is_reference(name: object) -> bool:
     return isinstance(name, str) and ":" in name and not name.startswith(SALIB)
 
 
-def installed_names(kind: Kind, name: str) -> list[str]:
+def installed_names(family: ClassFamily, name: str) -> list[str]:
     """Return the names that packages add to a family; none, without a search, for a built-in."""
-    return [] if name in kind.family else list(installed_members(kind.group))
+    return [] if name in family.members else list(installed_members(family.group))
 
 
 def read_member(
-    table: TableReader, key: str | tuple[str, ...], name: str, kind: Kind, like: str = ""
-) -> tuple[Any, Files]:
+    table: TableReader,
+    family: ClassFamily,
+    unloaded: Callable[[str, bool], Any],
+    check: Callable[[type], None] = lambda built_in: None,
+) -> tuple[Any, str, Files]:
+    """Read a member of any origin from its table: by ``kind``, or an object of a Python program.
+
+    Parameters
+    ----------
+    table : TableReader
+        The table of the settings; it has no other keys.
+    family : ClassFamily
+        The family that it belongs to.
+    unloaded : callable
+        Makes a stand-in for code that is not trusted, or (True) for an object that is not here.
+    check : callable
+        Notes what a built-in class cannot have.
+
+    Returns
+    -------
+    member, origin, files
+        None where a mistake was noted; its name if it is not built in; the files of its code.
+    """
+    if OBJECT in table and "kind" not in table:
+        expected = f'kind = "{family.form}": a file cannot contain a Python object'
+        found = read_named_object(table, family.what, expected)
+        table.check_unknown_keys()
+        if found is None:
+            return None, "", ()
+        is_here = isinstance(found.value, family.base)
+        return found.value if is_here else unloaded(found.name, True), found.name, ()
+    name = str(table.content.get("kind"))
+    if is_reference(name) and not table.trust:
+        return unloaded(name, False), name, ()
+    if is_reference(name) or name in installed_names(family, name):
+        table.take("kind")
+        member, surroundings = read_user_defined(table, "kind", name, family)
+        return member, name, surroundings.files() if surroundings else ()
+    built_in = family_member(table, "kind", family.members, f"a kind of {family.what}")
+    if built_in:
+        check(built_in)
+    return built_in and table.whole_settings(built_in), "", ()
+
+
+def read_user_defined(
+    table: TableReader, key: str | tuple[str, ...], name: str, family: ClassFamily, like: str = ""
+) -> tuple[Any, ModelFolder | None]:
     """Read the settings of a user-defined class, named by a reference or an entry point.
 
     Parameters
@@ -93,73 +151,13 @@ def read_member(
 
     Returns
     -------
-    member, files
-        An instance, or None where a mistake was noted; the files that it was loaded from.
-    """
-    made, surroundings = read_instance(table, key, name, kind, like)
-    return made, surroundings.files() if surroundings else ()
-
-
-def read_kind(
-    table: TableReader,
-    kind: Kind,
-    what: str,
-    unloaded: Callable[[str, bool], Any],
-    check: Callable[[type], None] = lambda built_in: None,
-) -> tuple[Any, str, Files]:
-    """Read a member of any origin from its table: by ``kind``, or an object of a Python program.
-
-    Parameters
-    ----------
-    table : TableReader
-        The table of the settings; it has no other keys.
-    kind : Kind
-        The family; `what` is the word for a member of it.
-    unloaded : callable
-        Makes a stand-in for code that is not trusted, or (True) for an object that is not here.
-    check : callable
-        Notes what a built-in class cannot have.
-
-    Returns
-    -------
-    member, origin, files
-        None where a mistake was noted; its name if it is not built in; the files of its code.
-    """
-    if OBJECT in table and "kind" not in table:
-        expected = f'kind = "{kind.form}": a file cannot contain a Python object'
-        found = read_named_object(table, what, expected)
-        table.check_unknown_keys()
-        if found is None:
-            return None, "", ()
-        is_here = isinstance(found.value, kind.base)
-        return found.value if is_here else unloaded(found.name, True), found.name, ()
-    name = str(table.content.get("kind"))
-    if is_reference(name) and not table.trust:
-        return unloaded(name, False), name, ()
-    if is_reference(name) or name in installed_names(kind, name):
-        table.take("kind")
-        member, files = read_member(table, "kind", name, kind)
-        return member, name, files
-    built_in = family_member(table, "kind", kind.family, f"a kind of {what}")
-    if built_in:
-        check(built_in)
-    return built_in and table.whole_settings(built_in), "", ()
-
-
-def read_instance(
-    table: TableReader, key: str | tuple[str, ...], name: str, kind: Kind, like: str = ""
-) -> tuple[Any, ModelFolder | None]:
-    """Read a member as `read_member` does, with the folder that its file belongs to.
-
-    Returns
-    -------
     member, surroundings
-        An instance, or None where a mistake was noted. A class of an installed package has no
-        such folder.
+        An instance, or None where a mistake was noted; the folder that its file belongs to, which a
+        class of an installed package has not.
     """
     noted = len(table.problems)
     try:
-        cls, surroundings = load_class(name, table.folder, kind)
+        cls, surroundings = load_class(name, table.folder, family)
         with surroundings.loading() if surroundings else contextlib.nullcontext():
             made: Any
             if dataclasses.is_dataclass(cls):
@@ -175,7 +173,7 @@ def read_instance(
                 if np.shape(function(probability if function == made.isf else values)) != (2,):
                     raise ValueError("its functions do not keep the shape of an array")
     except ModelError as error:
-        table.add_problem(key, str(error), error.expected or kind.expected)
+        table.add_problem(key, str(error), error.expected or family.expected)
     except Exception as error:  # a user-defined class can raise anything
         found = f"{toml_text(name)}: {error_text(error)}"
         table.add_problem(key, found, "settings that it accepts")
@@ -184,23 +182,20 @@ def read_instance(
     return None, None
 
 
-def read_class(table: TableReader, key: str, kind: Kind, what: str) -> Any:
-    """Return the class that a key names: built in, or of an installed package.
-
-    `what` is a member with its article, for the message of a mistake; None where one was noted.
-    """
+def read_class(table: TableReader, key: str, family: ClassFamily) -> Any:
+    """Return the class that a key names, built in or installed; None where a mistake was noted."""
     name = table.content.get(key)
-    if isinstance(name, str) and name in installed_names(kind, name):
+    if isinstance(name, str) and name in installed_names(family, name):
         table.take(key)
         try:
-            return load_class(name, table.folder, kind)[0]
+            return load_class(name, table.folder, family)[0]
         except ModelError as error:
-            table.add_problem(key, str(error), error.expected or kind.expected)
+            table.add_problem(key, str(error), error.expected or family.expected)
             return None
-    return family_member(table, key, kind.family, what)
+    return family_member(table, key, family.members, f"a {family.what}")
 
 
-def load_class(name: str, folder: Path, kind: Kind) -> tuple[type, ModelFolder | None]:
+def load_class(name: str, folder: Path, family: ClassFamily) -> tuple[type, ModelFolder | None]:
     """Load a user-defined class; of a reference, with the folder that its file belongs to.
 
     A class of an installed package is loaded without the study's folder: what an archive contains
@@ -212,15 +207,15 @@ def load_class(name: str, folder: Path, kind: Kind) -> tuple[type, ModelFolder |
         If there is none of this name, or it cannot be a member of the family.
     """
     if is_reference(name):
-        module, attribute, surroundings = load_module(name, folder, kind.form)
-        return _member_class(module, attribute, name, kind), surroundings
-    cls = load_installed(kind.group, name)
-    if fault := _class_fault(cls, kind):
+        module, attribute, surroundings = load_module(name, folder, family.form)
+        return _member_class(module, attribute, name, family), surroundings
+    cls = load_installed(family.group, name)
+    if fault := _class_fault(cls, family):
         raise ModelError(f'"{name}", which {fault}')
     return cls, None
 
 
-def _member_class(module: ModuleType, attribute: str, reference: str, kind: Kind) -> type:
+def _member_class(module: ModuleType, attribute: str, reference: str, family: ClassFamily) -> type:
     cls = getattr(module, attribute, None)
     if not isinstance(cls, type):
         known = [
@@ -231,12 +226,12 @@ def _member_class(module: ModuleType, attribute: str, reference: str, kind: Kind
         listing = f"; it defines {', '.join(known)}" if known else ""
         where = reference.rpartition(":")[0]
         raise ModelError(f'"{where}" has no class "{attribute}"{listing}')
-    if fault := _class_fault(cls, kind):
+    if fault := _class_fault(cls, family):
         raise ModelError(f'"{reference}", which {fault}')
     return cls
 
 
-def class_reference(member: object, folder: Path, kind: Kind) -> str:
+def class_reference(member: object, folder: Path, family: ClassFamily) -> str:
     """Return the name by which a study in a folder can name an object's class; empty for none."""
     cls = type(member)
     reference = f"{cls.__module__}:{cls.__qualname__}"
@@ -244,13 +239,13 @@ def class_reference(member: object, folder: Path, kind: Kind) -> str:
         return ""
     try:
         module, attribute, _ = load_module(reference, folder)
-        _member_class(module, attribute, reference, kind)
+        _member_class(module, attribute, reference, family)
     except ModelError:
         return ""
     loaded = sys.modules.get(cls.__module__)
     if loaded is None or getattr(loaded, "__file__", "") != getattr(module, "__file__", None):
         return ""
-    installed = installed_members(kind.group)
+    installed = installed_members(family.group)
     return next((name for name, known in installed.items() if known == reference), reference)
 
 
@@ -292,12 +287,12 @@ def _tables(content: Mapping[str, Any], key: str) -> list[dict[str, Any]]:
     return [table for table in values if isinstance(table, dict)]
 
 
-def _class_fault(cls: object, kind: Kind) -> str:
+def _class_fault(cls: object, family: ClassFamily) -> str:
     """Return why something cannot be a member of a family; empty where it can."""
-    if not isinstance(cls, type) or not issubclass(cls, kind.base):
-        return f"does not derive from {kind.base.__name__}"
+    if not isinstance(cls, type) or not issubclass(cls, family.base):
+        return f"does not derive from {family.base.__name__}"
     is_bare = not dataclasses.is_dataclass(cls) and cls.__init__ is object.__init__
-    if not (kind.can_lack_settings and is_bare) and not (
+    if not (family.can_lack_settings and is_bare) and not (
         dataclasses.is_dataclass(cls) and cls.__dataclass_params__.frozen  # type: ignore[attr-defined]
     ):
         return "is no frozen dataclass"
@@ -305,7 +300,7 @@ def _class_fault(cls: object, kind: Kind) -> str:
         return f"lacks {', '.join(sorted(getattr(cls, '__abstractmethods__', ())))}"
     if not dataclasses.is_dataclass(cls):
         return ""
-    declared = {*kind.given, *(field.name for field, _ in declared_settings(cls))}
+    declared = {*family.given, *(field.name for field, _ in declared_settings(cls))}
     others = [field.name for field in dataclasses.fields(cls) if field.init]
     undeclared = [name for name in others if name not in declared]
     return f"has fields that are no settings: {', '.join(undeclared)}" if undeclared else ""
