@@ -35,11 +35,11 @@ def test_levels_and_ranks_are_those_of_distinct_values(values):
 @given(arrays(np.float64, st.tuples(st.integers(1, 40), st.just(2)), elements=st.integers(-9, 9)))
 @example(np.arange(80.0).reshape(40, 2) ** [1, 2])
 def test_sums_above_count_equal_values_half(columns):
-    others = np.stack([np.arange(len(columns)) - 3.0, np.cos(np.arange(len(columns)))])
+    others = np.stack([np.arange(len(columns)) - 3.0, np.cos(np.arange(len(columns)))], axis=1)
     factors = np.array([[1.0, -2.0], [0.5, 3.0]])
     above = columns[None, :] > columns[:, None]
     shares = above + (columns[None, :] == columns[:, None]) / 2
-    expected = np.einsum("rsk,kv,vs->vr", shares, factors, others)
+    expected = np.einsum("rsk,kv,sv->rv", shares, factors, others)
     orderings = [Ordering.of(column) for column in columns.T]
     assert sums_above(orderings, factors, others) == pytest.approx(expected)
 

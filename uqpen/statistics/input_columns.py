@@ -97,29 +97,45 @@ def sums_above(
     orderings : sequence of Ordering
     factors : ndarray, shape (ordering, variable)
         Weight of each order in the sums of a variable.
-    values : ndarray, shape (variable, run)
+    values : ndarray, shape (run, variable)
 
     Returns
     -------
-    ndarray, shape (variable, run)
+    ndarray, shape (run, variable)
     """
-    found = factors.sum(axis=0)[:, np.newaxis] * values.sum(axis=-1, keepdims=True)
-    found = np.repeat(found, values.shape[-1], axis=-1)
-    ordered, up_to = np.empty(values.shape), np.zeros((len(values), values.shape[-1] + 1))
+    values = np.ascontiguousarray(values)
+    found = np.tile(factors.sum(axis=0) * values.sum(axis=0), (len(values), 1))
+    ordered, up_to = np.empty(values.shape), np.zeros((len(values) + 1, values.shape[1]))
+    halves = np.zeros(values.shape[1])
     for ordering, factor in zip(orderings, factors, strict=True):
         if not factor.any():
             continue
         # With this mode, `take` writes without a buffer.
-        np.take(values, ordering.order, axis=-1, out=ordered, mode="clip")
-        np.cumsum(ordered, axis=-1, out=up_to[:, 1:])
+        np.take(values, ordering.order, axis=0, out=up_to[1:], mode="clip")
+        _cumulate(up_to[1:])
         if ordering.is_above is None:
-            middle = up_to[:, :-1] + up_to[:, 1:]
+            middle = up_to[1:] * factor
+            halves += factor / 2
         else:
             first = np.flatnonzero(ordering.is_above)
-            middle = up_to[:, first] + up_to[:, np.append(first[1:], values.shape[-1])]
-        middle *= factor[:, np.newaxis] / 2
-        found -= np.take(middle, ordering.level, axis=-1, out=ordered, mode="clip")
+            middle = (up_to[first] + up_to[np.append(first[1:], len(values))]) * (factor / 2)
+        found -= np.take(middle, ordering.level, axis=0, out=ordered, mode="clip")
+    found += halves * values
     return found
+
+
+def _cumulate(values: FloatArray) -> None:
+    """Replace rows by their cumulative sums; those of several variables in groups of rows."""
+    if values.shape[1] == 1:
+        np.cumsum(values, axis=0, out=values)
+        return
+    # NumPy adds number after number, and whole rows in a fraction of the time.
+    groups = values[: len(values) // 16 * 16].reshape(-1, 16, values.shape[1])
+    for row in range(1, 16):
+        groups[:, row] += groups[:, row - 1]
+    groups[1:] += np.cumsum(groups[:-1, -1], axis=0)[:, np.newaxis]
+    rest = values[max(16 * len(groups) - 1, 0) :]
+    np.cumsum(rest, axis=0, out=rest)
 
 
 Made = TypeVar("Made")

@@ -199,7 +199,7 @@ class _CorrelatedColumns:
             # A run moves the ranks of all others too: by so much those of `rest` in each column.
             above = np.empty_like(columns)
             for row, ordering, std in zip(above, self.orderings, self._rank_stds, strict=True):
-                row[:] = sums_above([ordering], np.array([[1 / std]]), rest[np.newaxis])[0]
+                row[:] = sums_above([ordering], np.array([[1 / std]]), rest[:, np.newaxis])[:, 0]
             rest_above = np.einsum("k,kr->r", weights.rest, above) if is_partial else above[-1]
         together = _MOST_VALUES // self.sample.size
         together = together if together >= _FEWEST_TOGETHER else 1
@@ -232,7 +232,7 @@ class _CorrelatedColumns:
                 of_one = (slope - values) / one_std + slopes * (1 - values * slope) / other_std
                 of_rest = (1 - values * slope) / other_std
                 factors = (of_one * own + of_rest * weights.rest) / self._rank_stds
-                influence += sums_above(self.orderings, factors.T, one)
+                influence += sums_above(self.orderings, factors.T, one.T).T
                 moved = np.einsum("pk,kr->pr", own, above) if is_partial else above[some]
                 moved *= (1 / one_std - values * slopes / other_std) / other_std
                 influence += moved
