@@ -11,7 +11,7 @@ from uqpen.core.errors import StudyError
 from uqpen.report.sections.answer import answer
 from uqpen.report.sections.summary import summary_lines
 from uqpen.results.archive_view import select_view
-from uqpen.results.error_statement import error_statements
+from uqpen.results.error_statement import ErrorPart, ErrorStatement, error_statements
 from uqpen.results.json import archive_json
 from uqpen.results.output_tables import output_tables
 from uqpen.statistics.model_form import quantile_difference, std_difference
@@ -250,6 +250,19 @@ def test_failed_runs_are_a_part_of_a_probability(tmp_path):
     # As large a share fails of more runs.
     assert more.lower == pytest.approx((own["failed runs"].lower + own["sampling"].lower) / 2)
     assert more.upper == pytest.approx((own["failed runs"].upper + own["sampling"].upper) / 2)
+
+
+def test_a_total_has_the_digits_of_the_widest_part_whose_end_it_may_have():
+    sampling, total = ErrorPart("sampling", 0.036, 0.152, ""), ErrorPart("total", 0.036, 0.19, "")
+    form = ErrorPart("model form", 0.05, 0.9, "")
+    statement = ErrorStatement("y", "P(> 1)", "some", "1", True, 0.06, (sampling, form), total, ())
+    assert statement.text(sampling) == "3.6 % … 15.2 %"
+    assert statement.text(total) == "3.6 % … 19.0 %"
+    assert statement.text(form) == "5 % … 90 %"
+    lengths = statement._replace(unit="mm", is_probability=False)
+    assert lengths.text(total) == "36 … 190"
+    alone = statement._replace(parts=(form,))
+    assert alone.text(total) == "4 % … 19 %"
 
 
 def test_one_part_alone_has_no_statement(tmp_path):

@@ -127,11 +127,16 @@ def tolerance_interval_texts(lower: float, upper: float) -> tuple[str, str]:
 
 
 def estimate_texts(
-    estimate: float, lower: float, upper: float, *others: float, is_logarithmic: bool = False
+    estimate: float,
+    lower: float,
+    upper: float,
+    *others: float,
+    is_logarithmic: bool = False,
+    longest: float = math.inf,
 ) -> tuple[str, ...]:
     """An estimate, the ends of its interval, and other values, in the digits of `estimate_text`.
 
-    Each stands by itself, as in a sentence.
+    Each stands by itself, as in a sentence. A side longer than `longest` has the digits of that.
 
     >>> estimate_texts(0.49274, 0.49004, 0.49544, 0.5)
     ('0.4927', '0.4900', '0.4954', '0.5000')
@@ -139,7 +144,7 @@ def estimate_texts(
     values = (estimate, lower, upper, *others)
     if is_logarithmic and _spans_tenfolds(lower, upper):
         return tuple(number_text(each, _OF_TENFOLDS, is_short=False) for each in values)
-    half = max(_sides(estimate, lower, upper), default=math.nan)
+    half = min(max(_sides(estimate, lower, upper), default=math.nan), longest)
     if not 0 < half < math.inf:
         return tuple(map(number_text, values))
     number_format = _NumberFormat(estimate, half)
@@ -192,7 +197,7 @@ def percent_text(probability: float) -> str:
     return f"{100 * probability:.10g} %"
 
 
-def percent_texts(estimate: float, lower: float, upper: float, *others: float) -> tuple[str, ...]:
+def percent_texts(*values: float, longest: float = math.inf) -> tuple[str, ...]:
     """A probability, the ends of its interval, and others, in the same digits as the tables.
 
     A hundred times the number would be rounded anew, and differ where it ends in a five.
@@ -200,9 +205,8 @@ def percent_texts(estimate: float, lower: float, upper: float, *others: float) -
     >>> percent_texts(0.2075, 0.1825, 0.2325)
     ('20.7 %', '18.2 %', '23.3 %')
     """
-    return tuple(
-        f"{_times_hundred(text)} %" for text in estimate_texts(estimate, lower, upper, *others)
-    )
+    texts = estimate_texts(*values, longest=longest)
+    return tuple(f"{_times_hundred(text)} %" for text in texts)
 
 
 def with_half_width(estimate: str, half: str) -> str:

@@ -27,7 +27,7 @@ from uqpen.core.labels import (
 )
 from uqpen.core.statistic import Statistic, UnitRule
 from uqpen.core.status import Status
-from uqpen.core.units import scale
+from uqpen.core.units import DIMENSIONLESS, scale
 from uqpen.results.digits import estimate_texts, percent_texts, range_text
 from uqpen.results.source_statistics import SourceStatistics, is_sample_design, labelled_entries
 from uqpen.results.table import NOTHING, OutputTable, estimate_remark, json_value, label_with_unit
@@ -109,11 +109,14 @@ class ErrorStatement(NamedTuple):
         if not part.is_known:
             return NOTHING
         values = [self.answer, part.lower, part.upper]
-        if self.is_probability:
-            _, *ends = percent_texts(*values)
-        else:
-            _, *ends = estimate_texts(*scale(self.unit).from_si(np.array(values)).tolist())
-        return range_text(*ends)
+        if part is self.total:  # it has the digits of the widest part, which may have its end
+            beside = (each for each in self.parts if each.is_known and each.kind != _FORM)
+            values += [end for each in beside for end in (each.lower, each.upper)]
+        unit = DIMENSIONLESS if self.is_probability else self.unit
+        shown = scale(unit).from_si(np.array(values))
+        longest = np.abs(shown[3:] - shown[0]).max(initial=0) or math.inf
+        texts = percent_texts if self.is_probability else estimate_texts
+        return range_text(*texts(*shown[:3].tolist(), longest=longest)[1:])
 
 
 def error_statements(archive: xr.DataTree) -> Iterator[ErrorStatement]:
