@@ -29,6 +29,32 @@ def test_another_heading_is_shown(tmp_path, heading):
 
 
 @pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("a [m];b\n1;2\n", " seems to be separated by semicolons"),
+        ("a;b\n1,5;2,5\n", " seems to be separated by semicolons"),
+        ("a [m]\tb\n1\t2\n", " seems to be separated by tabs"),
+    ],
+)
+def test_another_mark_between_columns_is_named(tmp_path, text, found):
+    with pytest.raises(TableError) as refused:
+        columns(tmp_path, text)
+    expected = "; expected commas between columns, and points before decimals"
+    assert str(refused.value) == f'"table.csv"{found}{expected}'
+
+
+def test_a_semicolon_in_a_heading_separates_nothing(tmp_path):
+    assert columns(tmp_path, "stress; max [MPa]\n1\n") == [("stress; max", "MPa", [1])]
+    assert columns(tmp_path, "a; b,c\n1,2\n") == [("a; b", "1", [1]), ("c", "1", [2])]
+
+
+def test_decimal_commas_make_too_many_values(tmp_path):
+    with pytest.raises(TableError, match="line 2: 4 values under 2 headings; commas separate "
+                       "columns, and a point stands before decimals"):  # fmt: skip
+        columns(tmp_path, "a,b\n1,5,2,5\n")
+
+
+@pytest.mark.parametrize(
     ("start", "end"), [("a", "["), ("a", "x ]["), ("[", "x"), ("a [m]", "x"), ("", "x")]
 )
 def test_a_heading_that_is_far_too_long_is_refused(tmp_path, start, end):

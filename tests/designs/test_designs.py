@@ -232,13 +232,13 @@ class TestTable:
     @pytest.mark.parametrize(
         ("text", "complaint"),
         [
-            ("length [m];share\n1;2\n", "not of the form"),
+            ("length [m];share\n1;2\n", "separated by semicolons"),
             ("length [m],share\n\n\n1,x\n", "line 4"),
             ('length [m],share\n1,"' + "x" * 200_000 + '"\n', "line 2: field larger"),
             ("lenght [m],share\n1,2\n", 'column "lenght" is no input; did you mean "length"'),
             ("length [kg],share\n1,2\n", 'in "kg"; expected a length'),
             ("length [frob],share\n1,2\n", "not a known unit"),
-            ("length,share\n1,2\n", 'in "1"; expected a length'),
+            ("length,share\n1,2\n", 'column "length" is without a unit; expected a length'),
             ("length [m],length [m]\n1,2\n", "stands twice"),
             ("length [m],share\n1\n", "line 2: 1 values under 2 headings"),
             ("length [m],share\n1,x\n", 'line 2, column "share": found "x"'),

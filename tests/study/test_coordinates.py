@@ -127,7 +127,7 @@ class TestMistakes:
             ('{ file = "times.dat", column = 5 }',
              '.file: found row 0 of column 5 of "times.dat" is no number;'),
             ('{ unit = "kg", file = "times.csv", column = "time" }',
-             '.file: found column "time" is in "min"; expected a mass,'),
+             '.file: found "times.csv", column "time" is in "min"; expected a mass,'),
             ('{ from_model = "TIME" }',
              '.from_model: found "TIME", which is not there; expected coordinates in the '
              "model's file or module, or a function that returns them"),

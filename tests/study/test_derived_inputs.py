@@ -53,6 +53,7 @@ def test_values_follow_and_constraints_use_them(tmp_path):
     [
         ("0.1 * diametre", "1 mm", '"diametre"', 'did you mean "diameter"?'),
         ("diameter ** 2", "1 mm", "in m2", "a length"),
+        ("diameter / diameter", "1 mm", "without a unit", "a length"),
         ("depth", "2 * pitch", "pitch from depth from pitch: a cycle", "values of their own"),
         ("pitch * 2", "1 mm", '"pitch"', "an input of the model"),
         ("diameter + '1 s'", "1 mm", "compares m with s", "the same dimension"),

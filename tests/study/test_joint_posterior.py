@@ -66,7 +66,7 @@ def test_one_of_its_variables_may_be_taken_alone(chains):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ('units = { a = "cm" }', "", 'column "a" is in "1"; expected a length'),
+        ('units = { a = "cm" }', "", 'nc", column "a" is without a unit; expected a length'),
         ("chains.nc", "chain.nc", "found there is no file"),
         ("chains.nc", "chains.nc:fit", "is a NetCDF file, but not an archive of uqpen's"),
         ("chains.nc", "sum.py", "cannot be read as NetCDF"),

@@ -192,7 +192,11 @@ def test_a_table_of_points_gets_columns_of_predictions(predict):
     ("points", "message"),
     [
         ("load [kN]\n15\n", '"points.csv": pce also needs span'),
-        ("load [kN],span [kN]\n15,1\n", 'column "span" is in "kN"; expected a length'),
+        (
+            "load [kN],span [kN]\n15,1\n",
+            '"points.csv", column "span" is in "kN"; expected a length',
+        ),
+        ("load [kN],span [foo]\n15,1\n", '"points.csv", column "span": found "foo"'),
         ("load [kN],load [N]\n15,1\n", '"points.csv": column "load" stands twice'),
         ("load [kN],span [m]\n15,x\n", 'line 2, column "span": found "x", expected a number'),
     ],

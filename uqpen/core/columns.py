@@ -49,6 +49,7 @@ class Column:
     # Returns its entries as numbers in that unit; TableError, with the line, for any other entry.
     # An unused column is not loaded, so it may contain anything.
     load: Callable[[], FloatArray]
+    file: str = ""  # the name of its file, for messages
 
     @property
     def heading(self) -> str:
@@ -61,12 +62,14 @@ class Column:
         TableError if the unit is not of the dimension of `like`, or an entry is no finite number.
         """
         numbers = self.load()
+        where = f'"{self.file}", column "{self.name}"' if self.file else f'column "{self.name}"'
         try:
             alike = are_convertible(self.unit, like)
         except QuantityError as error:
-            raise TableError(f'column "{self.name}": {error}') from None
+            raise TableError(f"{where}: {error}") from None
         if not alike:
-            raise TableError(f'column "{self.name}" is in "{self.unit}"; expected {describe(like)}')
+            unit = "without a unit" if self.unit == DIMENSIONLESS else f'in "{self.unit}"'
+            raise TableError(f"{where} is {unit}; expected {describe(like)}")
         measure = scale(self.unit)
         found = np.empty(len(numbers))
         for start in range(0, len(numbers), _ROWS):
@@ -158,6 +161,7 @@ def read_draws(path: Path, group: str) -> ColumnFile:
             each.name,
             each.unit or DIMENSIONLESS,
             functools.partial(_values, each, path, most_dimensions=2),
+            path.name,
         )
         for each in variables
     )
@@ -196,6 +200,12 @@ def _csv(path: Path, content: bytes) -> Iterator[tuple[int, list[str]]]:
     """Yield the rows of a CSV file, each with its line."""
     # The reader goes through the bytes: a text of them takes four times as much.
     text = io.TextIOWrapper(io.BytesIO(content), encoding="utf-8-sig", newline="")
+    lines = [*islice(io.BytesIO(content), 2)]
+    for mark, marks in ((b";", "semicolons"), (b"\t", "tabs")):
+        counts = {line.count(mark) for line in lines}
+        if len(counts) == 1 and 0 not in counts and b"," not in lines[0]:
+            expected = "expected commas between columns, and points before decimals"
+            raise TableError(f'"{path.name}" seems to be separated by {marks}; {expected}')
     reader = csv.reader(text)
     try:
         for row in reader:
@@ -242,12 +252,12 @@ def _columns(
         for line, row in rows:
             if len(row) != len(header):
                 found = f"{len(row)} values under {len(header)} headings"
-                place = f'"{path.name}", line {line}'
-                raise TableError(f"{place}: {found}; commas separate columns")
+                expected = "commas separate columns, and a point stands before decimals"
+                raise TableError(f'"{path.name}", line {line}: {found}; {expected}')
         for each in entries:
             each.add(rows)
     return tuple(
-        Column(*names, functools.partial(each.numbers, names[0], path))
+        Column(*names, functools.partial(each.numbers, names[0], path), path.name)
         for names, each in zip(parts, entries, strict=True)
     )
 
@@ -329,7 +339,12 @@ def heading_parts(text: str, place: str) -> tuple[str, str]:
 def _netcdf(path: Path, content: bytes) -> tuple[Column, ...]:
     try:
         return tuple(
-            Column(each.name, each.unit or DIMENSIONLESS, functools.partial(_values, each, path))
+            Column(
+                each.name,
+                each.unit or DIMENSIONLESS,
+                functools.partial(_values, each, path),
+                path.name,
+            )
             for each in read_variables(content)
         )
     except RefusedContentError as error:

@@ -516,7 +516,8 @@ def _parse(written: str, units: Mapping[str, str], like: str) -> Formula:
     """Return a formula of inputs; ConstraintError unless it has the dimension of `like`."""
     formula = parse_formula(written, units, "an input of the model", "input")
     if not are_convertible(formula.unit, like):
-        raise ConstraintError(f"{toml_text(written)}, in {formula.unit}", describe(like))
+        of = "without a unit" if formula.unit == DIMENSIONLESS else f"in {formula.unit}"
+        raise ConstraintError(f"{toml_text(written)}, {of}", describe(like))
     return formula
 
 
