@@ -507,3 +507,23 @@ def test_points_are_found_by_their_bits(known, wanted):
     )
     is_same = texts == [str(row) for row in wanted]
     assert whole.tolist() == (list(range(len(known))) if is_same else [-1] * len(wanted))
+
+
+def test_models_of_files_with_one_name_outside_of_the_folder_are_unchanged(tmp_path):
+    for place, factor in (("one", 1), ("two", 2)):
+        (tmp_path / place).mkdir()
+        (tmp_path / place / "m.py").write_text(f"def f(x):\n    return {{'y': {factor} * x}}\n")
+    tables = [
+        f"[models.{place}]\npython = '{tmp_path / place}/m.py:f'\n"
+        "inputs = { x = '1' }\noutputs = { y = '1' }\n"
+        for place in ("one", "two")
+    ]
+    design = "[inputs]\nx = '1 ± 0.1'\n[designs.plain]\nkind = 'monte-carlo'\nruns = 20\n"
+    folder = tmp_path / "study"
+    folder.mkdir()
+    (folder / "study.toml").write_text("".join(["title = 'T'\nseed = 1\n", *tables, design]))
+    study = uqpen.load_study(folder / "study.toml")
+    uqpen.make_archive(study, folder / "a.nc")
+    recorded = Recorded()
+    uqpen.make_archive(study, folder / "a.nc", progress=recorded)
+    assert recorded.texts[-1:] == [f"{folder / 'a.nc'}: nothing has changed, so it stays as it is"]

@@ -135,11 +135,13 @@ def model_identity(study: ValidatedStudy, name: str) -> ModelIdentity:
     elif isinstance(model, PythonFunction) and surroundings and not surroundings.imported:
         unknown = f"no archive says which version of {model.name} its runs were made with"
     software = {**provenance(), **(of_python_functions() if is_user_defined(model) else {})}
+    own = {file.path for file in model.files()}
+    files = files_by_name(study.files(), study.folder)  # the archive has these names
     return ModelIdentity(
         model.identity(),
         table,
         constraints,
-        _file_hashes(model.files(), study.folder),
+        {name: file.sha256 for name, file in files.items() if file.path in own},
         tuple(map(Dependency.from_line, model.dependencies())),
         software,
         tuple(model.uncompared),
