@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -110,19 +110,25 @@ def study_identity(study: ValidatedStudy) -> StudyIdentity:
         for model in study.models
         for design in study.designs
     }
+    files = files_by_name(study.files(), study.folder)
     return StudyIdentity(
         {**root_attributes(study), **level_attribute(study)},
         study.content,
-        {name: model_identity(study, name) for name in study.models},
-        _file_hashes(study.files(), study.folder),
+        {name: model_identity(study, name, files) for name in study.models},
+        {name: file.sha256 for name, file in files.items()},
         runs,
         tuple(unknown),
         is_known,
     )
 
 
-def model_identity(study: ValidatedStudy, name: str) -> ModelIdentity:
-    """Gather what decides the runs of a model of a study."""
+def model_identity(
+    study: ValidatedStudy, name: str, files: Mapping[str, FileSnapshot] | None = None
+) -> ModelIdentity:
+    """Gather what decides the runs of a model of a study, whose `files` have the archive's names.
+
+    Without them, they are gathered.
+    """
     content, model = study.content, study.models[name].model
     table, constraints = model_tables(content, name)
     tables = {key: content[key] for key in ("constraints",) if key in content}
@@ -135,13 +141,13 @@ def model_identity(study: ValidatedStudy, name: str) -> ModelIdentity:
     elif isinstance(model, PythonFunction) and surroundings and not surroundings.imported:
         unknown = f"no archive says which version of {model.name} its runs were made with"
     software = {**provenance(), **(of_python_functions() if is_user_defined(model) else {})}
+    files = files_by_name(study.files(), study.folder) if files is None else files
     own = {file.path for file in model.files()}
-    files = files_by_name(study.files(), study.folder)  # the archive has these names
     return ModelIdentity(
         model.identity(),
         table,
         constraints,
-        {name: file.sha256 for name, file in files.items() if file.path in own},
+        {key: file.sha256 for key, file in files.items() if file.path in own},
         tuple(map(Dependency.from_line, model.dependencies())),
         software,
         tuple(model.uncompared),
@@ -185,10 +191,6 @@ def archived_content(tree: xr.DataTree) -> dict[str, Any]:
         return tomllib.loads(str(tree.attrs.get("study_text", "")))
     except (ValueError, RecursionError):
         return {}
-
-
-def _file_hashes(files: Iterable[FileSnapshot], folder: Path) -> dict[str, str]:
-    return {name: file.sha256 for name, file in files_by_name(files, folder).items()}
 
 
 def model_tables(content: Mapping[str, Any], name: str) -> tuple[dict[str, str], dict[str, str]]:
