@@ -338,14 +338,14 @@ def _seen_noise(study: ValidatedStudy, archives: Sequence[ArchivePlace]) -> dict
     return {name: check for name, check in found.items() if check}
 
 
-def _adds_formulas(study: StudyIdentity, earlier: ArchivePlace) -> bool:
+def _adds_formulas(identity: StudyIdentity, earlier: ArchivePlace) -> bool:
     """Check that a study takes an archive's runs, and has a formula that the archive has not."""
     compared = (found for each in earlier.comparisons.values() for found in each.values())
     if all(found.changes for found in compared):
         return False
     now, before = (
         {name: table.get("formula") for name, table in content.get("outputs", {}).items()}
-        for content in (study.content, earlier.identity.content)
+        for content in (identity.content, earlier.identity.content)
     )
     return any(formula and before.get(name) != formula for name, formula in now.items())
 

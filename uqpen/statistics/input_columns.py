@@ -130,11 +130,12 @@ def _cumulate(values: FloatArray) -> None:
         np.cumsum(values, axis=0, out=values)
         return
     # NumPy adds number after number, and whole rows in a fraction of the time.
-    groups = values[: len(values) // 16 * 16].reshape(-1, 16, values.shape[1])
-    for row in range(1, 16):
+    size = 16
+    groups = values[: len(values) // size * size].reshape(-1, size, values.shape[1])
+    for row in range(1, size):
         groups[:, row] += groups[:, row - 1]
     groups[1:] += np.cumsum(groups[:-1, -1], axis=0)[:, np.newaxis]
-    rest = values[max(16 * len(groups) - 1, 0) :]
+    rest = values[max(size * len(groups) - 1, 0) :]
     np.cumsum(rest, axis=0, out=rest)
 
 
