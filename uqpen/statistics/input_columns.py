@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -18,16 +19,12 @@ from uqpen.core.labels import CODE_LABELS, ROLE, RUN
 # Order of the values of a column: it is sorted once, and ranks follow from it.
 
 
-# Of 32 bits where that is enough: half of the memory.
-Numbers = npt.NDArray[np.signedinteger[Any]]
-
-
 @dataclass(frozen=True, eq=False)
 class Ordering:
     """Values in ascending order."""
 
     # (run,): numbers of the values, ascending; those of equal values ascend themselves.
-    order: Numbers
+    order: IntArray
     # (run,): for each value in that order, True if it is above the one before, or the first of all.
     # None where no two values are equal.
     is_above: BoolArray | None = None
@@ -42,8 +39,7 @@ class Ordering:
         return cls._in_order(values, np.argsort(values, kind="stable"))
 
     @classmethod
-    def _in_order(cls, values: FloatArray, order: Numbers) -> Ordering:
-        order = order.astype(np.int32 if len(order) < 2**31 else np.int64, copy=False)
+    def _in_order(cls, values: FloatArray, order: IntArray) -> Ordering:
         ascending = values[order]
         is_above = np.ones(len(order), dtype=np.bool_)
         np.greater(ascending[1:], ascending[:-1], out=is_above[1:])
@@ -59,16 +55,16 @@ class Ordering:
         values : ndarray, shape (point,)
             All values.
         """
-        number = np.full(len(self.order), -1, dtype=self.order.dtype)
+        number = np.full(len(self.order), -1)
         number[used] = np.arange(len(used))
         among = number[self.order]
         kept = among[among >= 0]
         return Ordering(kept) if self.is_above is None else self._in_order(values[used], kept)
 
     @cached_property
-    def level(self) -> Numbers:
+    def level(self) -> IntArray:
         """Number of each value among the ascending distinct ones."""
-        level = np.empty(len(self.order), dtype=self.order.dtype)
+        level = np.empty(len(self.order), dtype=np.int64)
         if self.is_above is None:
             level[self.order] = np.arange(len(self.order))
         else:
@@ -83,6 +79,17 @@ class Ordering:
         count = np.bincount(self.level)
         ranks: FloatArray = (np.cumsum(count) - (count - 1) / 2)[self.level]
         return ranks
+
+    @cached_property
+    def rank_std(self) -> float:
+        """Standard deviation of `mean_ranks`."""
+        if self.is_above is None:
+            return math.sqrt(max(len(self.order) ** 2 - 1, 0) / 12)
+        return float(self.mean_ranks.std())
+
+
+# Rows that are added up together: few enough for a cache.
+_ROWS_TOGETHER = 2**14
 
 
 def sums_above(
@@ -104,9 +111,10 @@ def sums_above(
     ndarray, shape (run, variable)
     """
     values = np.ascontiguousarray(values)
-    found = np.tile(factors.sum(axis=0) * values.sum(axis=0), (len(values), 1))
-    ordered, up_to = np.empty(values.shape), np.zeros((len(values) + 1, values.shape[1]))
-    halves = np.zeros(values.shape[1])
+    unequal = [ordering.is_above is None for ordering in orderings]
+    found = values * (factors[unequal].sum(axis=0) / 2)
+    found += factors.sum(axis=0) * values.sum(axis=0)
+    up_to = np.zeros((len(values) + 1, values.shape[1]))
     for ordering, factor in zip(orderings, factors, strict=True):
         if not factor.any():
             continue
@@ -114,13 +122,14 @@ def sums_above(
         np.take(values, ordering.order, axis=0, out=up_to[1:], mode="clip")
         _cumulate(up_to[1:])
         if ordering.is_above is None:
-            middle = up_to[1:] * factor
-            halves += factor / 2
+            middle = up_to[1:]
+            middle *= factor
         else:
-            first = np.flatnonzero(ordering.is_above)
-            middle = (up_to[first] + up_to[np.append(first[1:], len(values))]) * (factor / 2)
-        found -= np.take(middle, ordering.level, axis=0, out=ordered, mode="clip")
-    found += halves * values
+            start = np.flatnonzero(ordering.is_above)
+            middle = (up_to[start] + up_to[np.append(start[1:], len(values))]) * (factor / 2)
+        for first in range(0, len(values), _ROWS_TOGETHER):
+            rows = slice(first, first + _ROWS_TOGETHER)
+            found[rows] -= middle[ordering.level[rows]]
     return found
 
 

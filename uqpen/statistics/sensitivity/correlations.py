@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 import xarray as xr
 
-from uqpen.core.arrays import FloatArray
+from uqpen.core.arrays import FloatArray, IntArray
 from uqpen.statistics import texts
 from uqpen.statistics.estimate import Estimate
 from uqpen.statistics.input_columns import Ordering, sums_above
@@ -34,6 +34,7 @@ class ResidualWeights:
     own: FloatArray  # (input, column)
     rest: FloatArray  # (column,)
     slopes: FloatArray  # (input,): of the output on all inputs
+    has_regressions: bool = True
 
     @classmethod
     def of(cls, columns: FloatArray) -> ResidualWeights | None:
@@ -57,7 +58,7 @@ class ResidualWeights:
         if np.linalg.cond(products) > 1 / _ROUNDING:
             return None
         inverse, inputs = _inverse(products[:-1, :-1]), varying[:-1]
-        weights = cls.none(len(columns) - 1)
+        weights = replace(cls.none(len(columns) - 1), has_regressions=True)
         weights.own[np.ix_(inputs, inputs)] = inverse / np.diag(inverse)[:, np.newaxis]
         weights.slopes[inputs] = (inverse * products[-1, :-1]).sum(axis=1)
         weights.rest[:-1] = -weights.slopes
@@ -67,7 +68,26 @@ class ResidualWeights:
     def none(cls, inputs: int) -> ResidualWeights:
         """Return the weights without regressions: each column is left as it is."""
         identity = np.eye(inputs + 1)
-        return cls(identity[:-1], identity[-1], np.zeros(inputs))
+        return cls(identity[:-1], identity[-1], np.zeros(inputs), has_regressions=False)
+
+    def left(self, columns: FloatArray, inputs: IntArray, *, out: FloatArray) -> FloatArray:
+        """Return what is left of some inputs, in place of the values of an array.
+
+        Parameters
+        ----------
+        columns : ndarray, shape (column, run)
+        inputs : ndarray of int, shape (input,)
+        out : ndarray, shape (input, run)
+        """
+        if self.has_regressions:
+            return np.einsum("pk,kr->pr", self.own[inputs], columns, out=out)
+        return np.take(columns, inputs, axis=0, out=out, mode="clip")
+
+    def output(self, columns: FloatArray) -> FloatArray:
+        """Return what is left of the output, shape (run,)."""
+        if self.has_regressions:
+            return np.einsum("k,kr->r", self.rest, columns)
+        return columns[-1]
 
 
 def _inverse(matrix: FloatArray) -> FloatArray:
@@ -149,7 +169,7 @@ class _CorrelatedColumns:
     @cached_property
     def _rank_stds(self) -> FloatArray:
         """Standard deviations of the ranks; infinite where a column does not vary."""
-        stds = np.array([ordering.mean_ranks.std() for ordering in self.orderings])
+        stds = np.array([ordering.rank_std for ordering in self.orderings])
         return np.where(stds > 0, stds, np.inf)
 
     @cached_property
@@ -157,16 +177,18 @@ class _CorrelatedColumns:
         """The columns, of mean 0 and variance 1, as rows; 0 where one does not vary."""
         columns = np.empty((len(self.sample.inputs) + 1, self.sample.size))
         if self.is_ranked:
-            for row, ordering in zip(columns, self.orderings, strict=True):
+            for row, ordering, std in zip(columns, self.orderings, self._rank_stds, strict=True):
                 row[:] = ordering.mean_ranks
+                row -= (len(row) + 1) / 2
+                row /= std
         else:
             for number, row in enumerate(columns[:-1]):
                 row[:] = self.sample.run_inputs[number]
             columns[-1] = self.shape.deviations
+            for row in columns:
+                _standardize(row)
         # A line along codes of texts would follow an order that they do not have.
         columns[[*map(self.sample.columns.is_coded, range(len(columns) - 1)), False]] = 0.0
-        for row in columns:
-            _standardize(row)
         return columns
 
     def correlations(self, *, is_partial: bool) -> list[Estimate]:
@@ -181,35 +203,36 @@ class _CorrelatedColumns:
         if not weights:
             reasons = [reason or texts.LINEARLY_DEPENDENT for reason in reasons]
         chosen = [i for i in inputs if not reasons[i]]
-        found = self._estimates(chosen, weights, is_partial) if chosen and weights else iter(())
+        found = self._estimates(chosen, weights) if chosen and weights else iter(())
         return [
             Estimate.without_bounds(math.nan, reason) if reason else next(found)
             for reason in reasons
         ]
 
-    def _estimates(
-        self, inputs: Sequence[int], weights: ResidualWeights, is_partial: bool
-    ) -> Iterator[Estimate]:
+    def _estimates(self, inputs: Sequence[int], weights: ResidualWeights) -> Iterator[Estimate]:
         """Yield the correlation of what is left of the output with what is left of each input."""
         columns, reason = self.standardized, self._reason_without_bounds
         reason = self.sample.reason_without_intervals or reason
-        rest = np.einsum("k,kr->r", weights.rest, columns) if is_partial else columns[-1]
+        rest = weights.output(columns)
         above = rest_above = np.empty((0, 0))
         if self.is_ranked and not reason:
             # A run moves the ranks of all others too: by so much those of `rest` in each column.
             above = np.empty_like(columns)
             for row, ordering, std in zip(above, self.orderings, self._rank_stds, strict=True):
                 row[:] = sums_above([ordering], np.array([[1 / std]]), rest[:, np.newaxis])[:, 0]
-            rest_above = np.einsum("k,kr->r", weights.rest, above) if is_partial else above[-1]
+            rest_above = weights.output(above)
         together = _MOST_VALUES // self.sample.size
         together = together if together >= _FEWEST_TOGETHER else 1
+        # Large arrays are overwritten, as memory costs more than sums.
+        arrays = np.empty((3, together, self.sample.size))
         for first in range(0, len(inputs), together):
             some = np.array(inputs[first : first + together])
             own, slopes = weights.own[some], weights.slopes[some, np.newaxis]
-            one = np.einsum("pk,kr->pr", own, columns) if is_partial else columns[some]
-            other = slopes * one
+            one, other, influence = arrays[:, : len(some)]
+            weights.left(columns, some, out=one)
+            np.multiply(slopes, one, out=other)
             other += rest
-            # Their means are 0. Large arrays are overwritten, as memory costs more than sums.
+            # Their means are 0.
             one_std, other_std = _root_mean_squares(one), _root_mean_squares(other)
             one /= one_std
             other /= other_std
@@ -220,7 +243,7 @@ class _CorrelatedColumns:
                 )
                 continue
             # The influence of a run is one · other − value / 2 · (one² + other²).
-            influence = one * (-values / 2)
+            np.multiply(one, -values / 2, out=influence)
             influence += other
             influence *= one
             other *= other
@@ -233,7 +256,7 @@ class _CorrelatedColumns:
                 of_rest = (1 - values * slope) / other_std
                 factors = (of_one * own + of_rest * weights.rest) / self._rank_stds
                 influence += sums_above(self.orderings, factors.T, one.T).T
-                moved = np.einsum("pk,kr->pr", own, above) if is_partial else above[some]
+                moved = weights.left(above, some, out=other)
                 moved *= (1 / one_std - values * slopes / other_std) / other_std
                 influence += moved
                 influence -= np.multiply(values / other_std**2, rest_above, out=moved)
@@ -272,12 +295,12 @@ class _CorrelatedColumns:
 def _standardize(values: FloatArray) -> None:
     """Give values the mean 0 and the variance 1; 0 to a constant."""
     values -= values.mean()
-    largest = np.abs(values).max(initial=0.0)
-    if not np.ptp(values) > 0:
+    lowest, highest = values.min(initial=0.0), values.max(initial=0.0)
+    if not highest > lowest:
         values[:] = 0.0
         return
-    values /= largest
-    values /= float(np.sqrt((values**2).mean()))
+    values /= max(-lowest, highest)
+    values /= _root_mean_squares(values[np.newaxis])[0]
 
 
 def _root_mean_squares(values: FloatArray) -> FloatArray:

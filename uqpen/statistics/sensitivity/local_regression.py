@@ -57,8 +57,9 @@ class RegressionBins:
         if sample.columns.is_coded(column):  # no text is nearer to one than to another
             label = np.unique(values[sample.used], return_inverse=True)[1].astype(np.int64)
             return cls(label, np.zeros(label.shape), has_lines=False)
-        rank = ordering.level.astype(np.int64)
+        rank = ordering.level
         if ordering.is_above is not None:
+            rank = np.empty_like(rank)
             # A table may list runs in an order of the other inputs, and neighbours must be alike in
             # none: equal values are in random order.
             tie_breaker = Stream(0, "analyses", "ties").generator().permutation(len(values))
@@ -81,7 +82,7 @@ class RegressionBins:
         place = rank - (np.bincount(label, rank) / size)[label]
         spread = np.sqrt(np.bincount(label, place**2))
         has_slope = size >= _FEWEST_RUNS_FOR_A_SLOPE
-        place = np.where(has_slope[label], place / np.where(has_slope, spread, 1)[label], 0)
+        place /= np.where(has_slope, spread, np.inf)[label]
         return cls(label, place)
 
     @cached_property
@@ -100,18 +101,13 @@ class RegressionBins:
         """Factor that makes a bin's sum of squares unbiased; 0 for a bin of one run."""
         return np.where(self.freedom > 0, self.size / np.maximum(self.freedom, 1), 0)
 
-    @property
-    def leverage(self) -> FloatArray:
-        """Leverage of each run on the line of its bin: from 0 to 1."""
-        found = self.place**2
-        found += self.at_runs(1 / self.size)
-        return found
-
     @cached_property
     def free_share(self) -> FloatArray:
         """Share of each residual that the leverage leaves; infinite where it leaves nothing."""
-        free = 1 - self.leverage
-        return np.where(free > 0, free, np.inf)
+        free = self.at_runs(1 - 1 / self.size)
+        free -= self.place**2
+        free[free <= 0] = np.inf
+        return free
 
     @cached_property
     def slots(self) -> IntArray:
@@ -215,7 +211,8 @@ class ResidualVariance:
         pairs += 2 * bins.total(at_places) ** 2 / bins.size
         at_places *= bins.place
         pairs += bins.total(at_places) ** 2
-        own = np.multiply(products, bins.leverage, out=at_places)
+        own = products * bins.at_runs(1 / bins.size)
+        own += at_places
         own *= own
         pairs -= bins.total(own)
         variance = 2 * (bins.scale**2 * np.maximum(pairs, 0)).sum(axis=-1)
