@@ -243,11 +243,11 @@ class JointDistribution:
         An input whose distribution is not loaded has none.
         """
         entries: Iterable[FixedInput | RandomInput | IntervalInput]
-        entries = (*self.fixed, *self.random, *self.intervals)
+        entries, unloaded = (*self.fixed, *self.random, *self.intervals), self.unloaded
         found = {
             entry.variable.name: np.array(entry.nominal)
             for entry in entries
-            if entry.variable.name not in self.unloaded
+            if entry.variable.name not in unloaded
         }
         of_all = self.with_derived(found)
         names = (entry.variable.name for entry in self.inputs)

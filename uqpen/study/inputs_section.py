@@ -492,8 +492,10 @@ def _is_formula(value: object, variable: Input, model: Model) -> bool:
         parse_quantity(value, variable.unit)
         return False
     named = names_in(value)
+    if not named:
+        return False
     is_known = not named.isdisjoint(each.name for each in model.inputs)
-    return is_known or (bool(named) and _FORMULA.fullmatch(value.strip()) is not None)
+    return is_known or _FORMULA.fullmatch(value.strip()) is not None
 
 
 def _read_derived_input(

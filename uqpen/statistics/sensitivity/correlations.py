@@ -116,7 +116,7 @@ _CORRELATIONS = {
 # Correlations nearer to one than this are one but for rounding.
 _ROUNDING = 1e-12
 # Values that go through the orders of all columns together: few enough for a cache.
-_MOST_VALUES = 2**16
+_MOST_VALUES = 2**17
 # Fewer variables than this gain nothing from each other.
 _FEWEST_TOGETHER = 8
 
