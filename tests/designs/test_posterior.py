@@ -429,6 +429,14 @@ def test_the_integral_over_a_size_beside_other_errors_is_that_of_the_likelihood(
         ),
         ("at_most = 1_000", "at_most: found 1_000; expected at least 1_600: 4 replicates of 200"),
         ('measured = ["lime"]', 'measured: found "lime"; expected a [measured.<name>]'),
+        (
+            "measured = []",
+            "measured: found an empty list; expected a list of different names in quotes",
+        ),
+        (
+            'measured = ["line", "line"]',
+            "measured: found a list; expected a list of different names in quotes",
+        ),
     ],
 )
 def test_a_mistake_is_told_before_any_run(tmp_path, setting, message):

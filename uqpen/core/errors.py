@@ -201,5 +201,5 @@ def toml_text(value: object) -> str:
     if isinstance(value, dict):
         return "a table"
     if isinstance(value, list):
-        return "a list"
+        return "a list" if value else "an empty list"
     return "a whole number of over 4000 digits" if is_huge(value) else repr(value)

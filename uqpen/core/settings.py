@@ -370,12 +370,13 @@ def names(**options: Any) -> Any:
 
     def accepts(value: Any) -> bool:
         are_names = isinstance(value, tuple) and all(isinstance(each, str) for each in value)
-        return are_names and bool(value) and all(map(NAME.match, value))
+        is_set = are_names and 0 < len(value) == len(set(value))
+        return is_set and all(map(NAME.match, value))
 
     def read(written: Any, context: Context) -> Any:
         return tuple(written) if isinstance(written, list) else written
 
-    return setting("names", "a list of names in quotes", accepts, read, **options)
+    return setting("names", "a list of different names in quotes", accepts, read, **options)
 
 
 def file(**options: Any) -> Any:
