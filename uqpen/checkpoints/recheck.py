@@ -37,7 +37,6 @@ from uqpen.execution import (
     Evaluator,
     FailurePolicy,
     Map,
-    Progress,
     evaluate,
     run_count,
     status_counts,
@@ -54,6 +53,7 @@ from uqpen.study.study import ValidatedStudy
 from uqpen.workflow.repetition import (
     TOLERANCE,
     Difference,
+    NoReports,
     hashes_again,
     run_differences,
     unequal,
@@ -264,7 +264,7 @@ class _Comparison:
     ) -> None:
         self._place, self._sources, self._chosen = place, sources, chosen
         retries = FailurePolicy(study.failures.retry, stop_after=0, trial=False)
-        self._options = EvaluationOptions(map=map, progress=_NoReports(), failures=retries)
+        self._options = EvaluationOptions(map=map, progress=NoReports(), failures=retries)
         self.compared, self.total = 0, chosen.total
         is_same = chosen.is_whole and not any(each.made_with for each in sources)
         self._tolerance = 0.0 if is_same else TOLERANCE
@@ -280,7 +280,7 @@ class _Comparison:
         """Make runs for about a second; return why all runs are refused, empty if they are not."""
         # The model itself is run: points that a constraint excludes since were admissible.
         self._model, self._evaluator = model, Evaluator(model)
-        finished = EvaluationOptions(checkpoint=_Finished(self._chosen), progress=_NoReports())
+        finished = EvaluationOptions(checkpoint=_Finished(self._chosen), progress=NoReports())
         runs = self._chosen.runs
         self._finished = evaluate(self._evaluator, _points(runs.inputs, runs.runs), {}, finished)
         for at in self._parts(seconds):
@@ -409,20 +409,13 @@ class _HashComparison:
             [self._number],
             self._map,
         )
-        again = next(sha256 for _, sha256 in hashes_again(*arguments, _NoReports()))
+        again = next(sha256 for _, sha256 in hashes_again(*arguments, NoReports()))
         if again == self._sha256:
             return ""
-        if again != next(sha256 for _, sha256 in hashes_again(*arguments, _NoReports())):
+        if again != next(sha256 for _, sha256 in hashes_again(*arguments, NoReports())):
             return _NOISE
         runs = f"runs {self._start} to {self._start + self.compared - 1}"
         return f"{self._design}: {runs} are others now\n  {_CHANGE}"
-
-
-class _NoReports(Progress):
-    """Receiver of the reports on runs that are no part of the study."""
-
-    def warn(self, text: str) -> None:
-        pass
 
 
 class _Finished(Checkpoint):

@@ -141,23 +141,26 @@ class WeightedPosterior:
 
 def _weighted_posterior(
     measured: Experiments, runs: xr.Dataset, level: float
-) -> tuple[WeightedPosterior, IntArray]:
-    """Return the weighted draws of a design, and their numbers; none if it has no result."""
+) -> tuple[WeightedPosterior, IntArray, FloatArray]:
+    """Return the weighted draws of a design, none if it has no result; their numbers.
+
+    The logarithms of the likelihoods of all draws follow.
+    """
     names, values = unknown_values(measured, runs)
     number, predicted = (
         runs[name].values[:: measured.count] for name in (SEARCH_ROUND, PREDICTED_LOG_LIKELIHOOD)
     )
     last = np.flatnonzero(number == RESULT)
-    found = log_likelihoods(measured, runs)[last]
-    return WeightedPosterior(names, values[last], found, predicted[last], level), last
+    found = log_likelihoods(measured, runs)
+    return WeightedPosterior(names, values[last], found[last], predicted[last], level), last, found
 
 
 def weighted_statistics(measured: Experiments, runs: xr.Dataset, level: float) -> NamedArrays:
     """Yield what the runs of a posterior by a surrogate say, by the names of the catalogue."""
-    posterior, last = _weighted_posterior(measured, runs, level)
+    posterior, last, found = _weighted_posterior(measured, runs, level)
     _, values = unknown_values(measured, runs)
     of_prior = runs[SEARCH_ROUND].values[:: measured.count] == 0
-    failed = float(np.isnan(log_likelihoods(measured, runs)[of_prior]).mean())
+    failed = float(np.isnan(found[of_prior]).mean())
     if not len(last):
         reason = texts.NO_SURROGATE.format(share=1 - failed, draws=len(values))
         yield from no_posterior(measured, reason, level)
@@ -201,7 +204,7 @@ def weighted_groups(
     These have draws of equal weight: what reads them weights all alike, and takes them to be
     independent. They are as many as the largest weight allows with none of them twice.
     """
-    posterior, last = _weighted_posterior(measured, runs, LEVEL)
+    posterior, last, found = _weighted_posterior(measured, runs, LEVEL)
     if not (len(last) and posterior.is_confirmed):
         return
     taken = np.flatnonzero(posterior.weights)
@@ -215,5 +218,4 @@ def weighted_groups(
     prior = np.flatnonzero(runs[SEARCH_ROUND].values[:: measured.count] == 0)
     _, values = unknown_values(measured, runs)
     groups = {"posterior": (equal[np.newaxis], values), "prior": (prior[np.newaxis], values)}
-    found = log_likelihoods(measured, runs)
     yield from arviz_groups(joint, measured, runs, groups, found, stream)

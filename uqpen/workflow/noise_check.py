@@ -43,6 +43,7 @@ from uqpen.statistics.analyze import OutputStatistics
 from uqpen.study.study import ValidatedStudy
 from uqpen.workflow.repetition import (
     TOLERANCE,
+    NoReports,
     difference_text,
     relative_difference,
     unequal,
@@ -275,7 +276,7 @@ class _Again:
         times, size = 2 if self._model.vectorized else 1, runs.sizes[RUN]
         again = points.isel({RUN: np.tile(np.arange(size), times)})
         policy = FailurePolicy(self._retry, stop_after=0, trial=False)
-        options = EvaluationOptions(map=self._map, progress=_NoReports(), failures=policy)
+        options = EvaluationOptions(map=self._map, progress=NoReports(), failures=policy)
         numbered = again.assign_coords({RUN: np.arange(size * times)})
         made = evaluate(self._evaluator, numbered, {}, options)
         return [made.isel({RUN: slice(n * size, (n + 1) * size)}) for n in range(times)]
@@ -295,13 +296,6 @@ class _Again:
             found.append([each.results for each in made])
         (one, two), (other, _) = found
         return not _are_unequal(one, other) and _are_unequal(one, two)
-
-
-class _NoReports(Progress):
-    """Receiver of the reports on runs that are no part of the study."""
-
-    def warn(self, text: str) -> None:
-        pass
 
 
 def _are_unequal(one: Results, other: Results) -> bool:

@@ -28,6 +28,13 @@ from uqpen.study.study import ValidatedStudy
 TOLERANCE = 1e-9
 
 
+class NoReports(Progress):
+    """Receiver of the reports on runs that are no part of the study."""
+
+    def warn(self, text: str) -> None:
+        """Ignore a warning."""
+
+
 class Difference(NamedTuple):
     """Difference in a group."""
 

@@ -296,7 +296,7 @@ def _failure_reasons(failed: Sequence[FailedRuns]) -> str:
 # Verdicts on a limit, the gravest first.
 _VERDICTS = (AcceptanceVerdict.NOT_MET, AcceptanceVerdict.NOT_DECIDED, AcceptanceVerdict.MET)
 # The ends that a tolerance limit states, and the place of its bound.
-_BOUNDS = {"at most": 2, "at least": 1}
+_TOLERANCE_BOUNDS = {"at most": 2, "at least": 1}
 _SCOPE = (
     "Each model counts the same. They are no sample of all models: another one can lie outside "
     "them."
@@ -313,7 +313,7 @@ def model_answer(view: ArchiveView) -> Iterator[Block]:
     main = main_outputs(view)
     entries = tuple(_differences(view, design))
     verdicts = tuple(each for output in main for each in _verdicts(views, output, design))
-    limits = (each for output in main for each in _limits(views, output, design))
+    limits = (each for output in main for each in _tolerance_limits(views, output, design))
     form = (*limits, *_model_form_findings(view, main, design))
     blocks: tuple[Block, ...] = (Text("The archive has no differences of its models."),)
     if entries or verdicts:
@@ -428,17 +428,17 @@ def _verdicts(views: Sequence[ArchiveView], output: str, design: str) -> Iterato
                 yield finding
 
 
-def _limits(views: Sequence[ArchiveView], output: str, design: str) -> Iterator[Finding]:
+def _tolerance_limits(views: Sequence[ArchiveView], output: str, design: str) -> Iterator[Finding]:
     """Yield the tolerance limits of an output by each model, the smallest first.
 
     They are those of the first content, and of the largest that all models have a bound for.
     """
-    for beyond, end in _BOUNDS.items():
+    for beyond, end in _TOLERANCE_BOUNDS.items():
         found = [
             (quantity, bounds)
             for quantity in requested_statistics(views[0], output, design)
             if quantity.statistic.shown.ends == beyond
-            and (bounds := _bounds(views, quantity, design, end)) is not None
+            and (bounds := _tolerance_bounds(views, quantity, design, end)) is not None
         ]
         found.sort(key=lambda each: each[0].entry)
         for quantity, bounds in (*found[:1], *found[1:][-1:]):
@@ -450,7 +450,7 @@ def _limits(views: Sequence[ArchiveView], output: str, design: str) -> Iterator[
             )
 
 
-def _bounds(
+def _tolerance_bounds(
     views: Sequence[ArchiveView], quantity: QuotedStatistic, design: str, end: int
 ) -> tuple[tuple[float, str, str], ...] | None:
     """Return the bound of a limit by each model, as number and as text; None if one has none."""

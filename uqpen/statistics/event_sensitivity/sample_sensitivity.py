@@ -343,20 +343,20 @@ class SubsetScores:
         of_runs = scores(self.runs[name].values)
         rows = [_Replicate.of(of_runs, *each) for each in self.levels]
         return SensitivityEstimates(
-            self._pair(rows, is_relative=False),
-            self._pair(rows, is_relative=True),
+            self._mean(rows, is_relative=False),
+            self._mean(rows, is_relative=True),
             float(min(each.effective_runs for each in rows) * len(rows)),
         )
 
-    def _pair(self, rows: list[_Replicate], *, is_relative: bool) -> PairOfEstimates:
+    def _mean(self, rows: list[_Replicate], *, is_relative: bool) -> PairOfEstimates:
         """Return the mean over the replicates, or its ratio to that of the probability."""
-        value, _ = _mean_and_half(rows, "completed", self.level, is_relative=is_relative)
+        value, _ = _mean_and_half_width([r.completed for r in rows], self.level, is_relative)
         if len(rows) < _FEWEST_REPLICATES:
             reason = texts.FEW_REPLICATES_OF_SCORES.format(replicates=_FEWEST_REPLICATES)
             none = [Estimate.without_bounds(each, reason) for each in value.tolist()]
             return PairOfEstimates(*none)
-        low, below = _mean_and_half(rows, "lowest", self.level, is_relative=is_relative)
-        high, above = _mean_and_half(rows, "highest", self.level, is_relative=is_relative)
+        low, below = _mean_and_half_width([r.lowest for r in rows], self.level, is_relative)
+        high, above = _mean_and_half_width([r.highest for r in rows], self.level, is_relative)
         method = texts.SCORES_OVER_REPLICATES
         if any(last.states.missing.any() for _, last in self.levels):
             method = texts.FOR_ANY_OUTCOME.format(method=method)
@@ -402,13 +402,12 @@ def _once(own: FloatArray, runs: IntArray, occurs: BoolArray) -> FloatArray:
     return np.array([np.bincount(place, each * occurs, len(distinct)) for each in own])
 
 
-def _mean_and_half(
-    rows: list[_Replicate], which: str, level: float, *, is_relative: bool
+def _mean_and_half_width(
+    replicates: list[FloatArray], level: float, is_relative: bool
 ) -> tuple[FloatArray, FloatArray]:
     """Return the mean of a derivative, or its ratio to the probability, and its half-width."""
-    table = np.array([getattr(each, which) for each in rows])
-    derivative, probability = table[:, :2], table[:, 2:]
-    number = len(rows)
+    derivative, probability = np.split(np.array(replicates), [2], axis=1)
+    number = len(replicates)
     if is_relative:
         mean = derivative.mean(axis=0) / probability.mean(axis=0)
         scatter = (derivative - mean * probability) / probability.mean(axis=0)

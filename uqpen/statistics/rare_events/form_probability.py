@@ -182,11 +182,13 @@ def _text(variable: xr.DataArray, run: int) -> str:
     return value if unit == DIMENSIONLESS else f"{value} {unit}"
 
 
+def _random_inputs(runs: xr.Dataset) -> list[xr.DataArray]:
+    return [each for each in runs.data_vars.values() if each.attrs.get(ROLE) == INPUT and each.ndim]
+
+
 def _described(points: Sequence[DesignPoint], runs: xr.Dataset) -> Iterator[str]:
     """Yield each design point in words, in the inputs' own units."""
-    inputs = [
-        each for each in runs.data_vars.values() if each.attrs.get(ROLE) == INPUT and each.ndim
-    ]
+    inputs = _random_inputs(runs)
     for point in points:
         parts = [
             f"{each.name} = {_text(each, point.run)} ({100 * factor:.0f} %)"
@@ -238,11 +240,7 @@ def _design_point_arrays(points: Sequence[DesignPoint], runs: xr.Dataset) -> Nam
         estimate = _without_bounds(np.array(values))
         described: dict[str, Any] = {"long_name": long_name, "coordinates": along}
         yield name, estimate.to_array(DESIGN_POINT, units="1", **described)
-    inputs = [
-        str(name)
-        for name, each in runs.data_vars.items()
-        if each.attrs.get(ROLE) == INPUT and each.ndim
-    ]
+    inputs = [str(each.name) for each in _random_inputs(runs)]
     factors = _without_bounds(np.array([each.direction**2 for each in points]))
     yield (
         "importance_factor",
