@@ -6,12 +6,15 @@ from pathlib import Path
 import netCDF4
 import numpy as np
 import pytest
+import xarray as xr
+from drawn_samples import runs_of_values
 from study_text import study_text
 
 import uqpen
 from uqpen.archive.estimates import interval_text
 from uqpen.archive.hashes import is_broken
 from uqpen.archive.read import open_archive
+from uqpen.archive.structure import find_run_faults
 from uqpen.core.errors import ArchiveError
 from uqpen.results.long_table import long_table
 from uqpen.results.source_statistics import SourceStatistics
@@ -195,6 +198,39 @@ def _is_named(copy, message, change):
     with pytest.raises(ArchiveError) as caught:
         open_archive(copy)
     assert str(caught.value) == f"{copy}: is damaged: {message}"
+
+
+@pytest.mark.parametrize(
+    ("weights", "faults"),
+    [
+        ([0.0, 1.0, 2.0], []),
+        *(([1.0, each, 2.0], ["/first: a weight that is none"]) for each in (-1, np.nan, np.inf)),
+        ([0.0, 0.0, 0.0], ["/first: a weight that is none"]),
+        (["1", "1", "1"], ["/first: a weight that is none"]),
+    ],
+)
+def test_runs_have_weights_and_some_run_counts(weights, faults):
+    assert faults_of_runs(runs_of_values([1.0, 2.0, 3.0], weights=weights)) == faults
+
+
+@pytest.mark.parametrize(
+    ("failed", "dimension", "faults"),
+    [
+        ([0, 2], "lost_run", []),
+        ([2, 0], "lost_run", []),
+        ([0, 3], "lost_run", ["/first: reasons without a lost_run"]),
+        ([-1, 0], "lost_run", ["/first: reasons without a lost_run"]),
+        ([0, 1, 2], "run", ["/first: reasons without a lost_run"]),
+    ],
+)
+def test_each_failure_reason_is_of_a_run(failed, dimension, faults):
+    runs = runs_of_values([1.0, 2.0, 3.0]).assign_coords(lost_run=failed)
+    runs["lost_reason"] = (dimension, ["it broke"] * len(failed))
+    assert faults_of_runs(runs) == faults
+
+
+def faults_of_runs(runs):
+    return list(find_run_faults(xr.DataTree.from_dict({"first": runs})))
 
 
 class TestWhatUqpenDoesNotKnow:
