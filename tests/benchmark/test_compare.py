@@ -102,6 +102,9 @@ class TestWinners:
         # The reference is not: it cannot say by how much.
         found = statistic("polynomial", (64,), PCE)
         assert "the reference's own" in found["verdict"].values[0, 0]
+        sources = comparison("polynomial", (64,), PCE)["statistics"].children
+        shown = [sources[name].attrs["kind"] for name in ("pce", "sobol_sequence")]
+        assert shown == ["surrogate", "design"]
 
 
 class TestNumbers:

@@ -97,13 +97,16 @@ class TestWhenItStops:
 
     def test_only_the_intervals_that_decided_are_unmarked(self):
         wanted = (
-            'until = { y = { quantile_95 = "9 % of sd", mean = "9 % of sd" } }\nat_most = 2_000'
+            'until = { y = { quantile_95 = "9 % of sd", mean = "9 % of sd", '
+            'exceeds = { 5 = "5 %" } } }\nat_most = 2_000'
         )
         found = UnpackedStatistics(made(wanted)["statistics/one/y"].to_dataset())
         marked = [MARK in note for note in found["quantile"]["note"].values.tolist()]
         assert marked == [True, True, False]
-        assert MARK not in str(found["mean"]["note"].values)
-        assert MARK in str(found["std"]["note"].values)
+        for name in ("mean", "exceedance"):
+            assert MARK not in str(found[name]["note"].values)
+        for name in ("std", "below"):
+            assert MARK in str(found[name]["note"].values)
         assert all(MARK in note for note in found["pearson"]["note"].values.tolist())
         assert "not certified" not in str(found["skewness"]["note"].values)  # has no interval
 
@@ -111,8 +114,9 @@ class TestWhenItStops:
         rounds = made(NEVER)["runs/one"]["round"].values
         assert np.bincount(rounds).tolist() == [512, 512, 476]
 
-    def test_an_output_that_does_not_vary_is_known_at_once(self):
-        constant = STUDY.replace("x1 = {", "x1 = 0 #").replace("x2 = {", "x2 = 1 #")
+    @pytest.mark.parametrize("x2", [0, 1])  # the output is 0 where both are
+    def test_an_output_that_does_not_vary_is_known_at_once(self, x2):
+        constant = STUDY.replace("x1 = {", "x1 = 0 #").replace("x2 = {", f"x2 = {x2} #")
         # Where x1 is 0, the last input has no effect.
         constant = constant.replace("x3 = 1", "x3 = { uniform = { lower = -1, upper = 1 } }")
         constant += 'until = { y = { mean = "1 %" } }\nat_most = 20_000\n'
@@ -246,7 +250,7 @@ class TestSameBytes:
         ("until = { y = { exceeds = 3 } }", "until.y.exceeds", "3", "a table of thresholds"),
         ("until = { y = { exceeds = {} } }", "until.y.exceeds", "a table", "a table of thresholds"),
         ("until = { y = { exceeds = { 6 = 0.1 } } }", "until.y.exceeds.6", '"6"', "known: 5"),
-        ("until = { y = { exceeds = { 5 = 2 } } }", "until.y.exceeds.5", "2", "and below 1"),
+        ("until = { y = { exceeds = { 5 = 1 } } }", "until.y.exceeds.5", "1", "and below 1"),
         ("until = { y = { below = { 5 = 0.1 } } }", "until.y.below.5", '"5"', "known: 0"),
         ("until = { y = { quantile_5 = 1 } }", "until.y.quantile_5", "an unknown key", "two at"),
         ("until = { y = { quantile_99 = 1 } }", "until.y.quantile_99", "0.99", "known: 0.05, 0.5"),

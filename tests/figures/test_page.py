@@ -11,14 +11,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.text import Text
 
 import uqpen
+from uqpen.charts.chart import Axis, Chart
 from uqpen.core.errors import ArchiveError, FigureError, UnknownNameError
 from uqpen.core.labels import BENCHMARK, KIND
 from uqpen.core.lookup import resolve
 from uqpen.figures import FIGURES
 from uqpen.figures.page import available, figure, panels
+from uqpen.figures.painter import chart_panel
 from uqpen.figures.panel import Panel
 from uqpen.figures.style import FORMATS, figure_bytes
 from uqpen.results.digits import number_text, typeset_unit
@@ -59,6 +63,16 @@ class TestTexts:
     def test_control_characters_are_spelled_out_and_length_is_bounded(self):
         assert plain_text("a\nb\x1b\u202ec") == "a\\nb\\x1b\\u202ec"
         assert plain_text("x" * 100, 10) == "xxxxxxxxx…"
+
+    def test_axes_of_a_caller_have_the_ticks_of_a_chart_and_plain_texts(self):
+        bolts = Axis("bolt $d$", (-0.5, 1.5), ticks=((0.0, "M8"), (1.0, "$M$ 10")))
+        tail = Axis("P(more than x)", (-2.0, 0.0), is_logarithmic=True)
+        axes = Figure().add_subplot()
+        chart_panel(Chart("$5 and $6", "", bolts, tail, ()), str).draw_on_axes(axes)
+        assert [each.get_text() for each in axes.get_xticklabels()] == ["M8", "$M$ 10"]
+        marked = {each.get_text() for each in axes.get_yticklabels()}
+        assert {"0.01", "0.1", "1"} <= marked
+        assert not any(each.get_parse_math() for each in axes.findobj(Text))
 
     def test_powers_of_units_are_raised(self):
         assert typeset_unit("W m-2 K-1") == "W m⁻² K⁻¹"

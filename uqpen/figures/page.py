@@ -231,10 +231,9 @@ def _lay_out(found: Sequence[Panel], title: str) -> Drawing:
                 has_rows = not column or not panel.rows or panel.rows != row[column - 1].rows
                 longest = min(max(map(len, panel.rows), default=0), LONGEST_ROW)
                 across = _TITLE[columns] - longest // columns
-                axes.set_title(_break_lines(panel.title, across, 4), parse_math=False)
-                axes.set_xlabel(_break_lines(axes.get_xlabel(), across, 2), parse_math=False)
-                label = _break_lines(axes.get_ylabel(), int(10 * panel.height), 2)
-                axes.set_ylabel(label, parse_math=False)
+                axes.set_title(_break_lines(panel.title, across, 4))
+                axes.set_xlabel(_break_lines(axes.get_xlabel(), across, 2))
+                axes.set_ylabel(_break_lines(axes.get_ylabel(), int(10 * panel.height), 2))
                 if not has_rows:
                     axes.tick_params(labelleft=False)
         if len(shown) < len(found):
@@ -242,7 +241,7 @@ def _lay_out(found: Sequence[Panel], title: str) -> Drawing:
         below = _legend(page, list(notes), columns)
         page.set_size_inches(_WIDTHS[columns], sum(heights) + below + _HEAD)
         shown_title = plain_text(title, int(13 * _WIDTHS[columns]))
-        page.suptitle(shown_title, x=0.01, ha="left", parse_math=False)
+        page.suptitle(shown_title, x=0.01, ha="left")
     return page
 
 
@@ -273,7 +272,7 @@ def _legend(page: Drawing, notes: list[str], columns: int) -> float:
     marked = [axes for axes in page.axes if any(axes in panels for panels in shared)]
     letters = {axes: f"({chr(ord('a') + number)})" for number, axes in enumerate(marked)}
     for axes, letter in letters.items():
-        axes.set_title(f"{letter} {axes.get_title(loc='left')}", parse_math=False)
+        axes.set_title(f"{letter} {axes.get_title(loc='left')}")
     handles = {
         " ".join([label, *(letters[axes] for axes in panels if len(looks) > 1)]): handle
         for label, looks in found.items()
@@ -285,7 +284,7 @@ def _legend(page: Drawing, notes: list[str], columns: int) -> float:
         return 0.0
     longest = max(map(len, handles), default=1)
     across = max(1, min(len(handles), width // (longest + 7)))
-    legend = page.legend(
+    page.legend(
         handles.values(),
         handles.keys(),
         loc="outside lower left",
@@ -293,6 +292,4 @@ def _legend(page: Drawing, notes: list[str], columns: int) -> float:
         title="\n".join(lines) or None,
         alignment="left",
     )
-    for text in (*legend.get_texts(), legend.get_title()):
-        text.set_parse_math(False)
     return 0.16 * (len(lines) + -(-len(handles) // across)) + 0.15

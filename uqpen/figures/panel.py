@@ -49,7 +49,7 @@ class Panel:
         from matplotlib.text import Text
 
         with figure_style():
-            axes.set_title(plain_text(self.title), parse_math=False)
+            axes.set_title(plain_text(self.title))
             if self.rows:
                 names = [plain_text(row, LONGEST_ROW) for row in self.rows]
                 axes.set_yticks(range(len(names)), names)
