@@ -59,7 +59,7 @@ def test_a_quantity_becomes_its_correctly_rounded_si_value(text, like, value):
         ("(2 ± 1) m", "m", '"(2 ± 1) m"', "a length"),
         ("2 m ± 1", "m", "with a ±", "without a spread"),
         (True, "1", "true", "a plain number"),
-        ([1], "m", "a list", "a length"),
+        ([1], "m", "[1]", "a length"),
         ({}, "m", "a table", "a length"),
         ("3 lg(re 1 mW)", "W", "not a known unit", "a unit"),
         ("3 days since 2000-01-01", "s", "not a known unit", "a unit"),

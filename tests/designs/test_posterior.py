@@ -431,11 +431,13 @@ def test_the_integral_over_a_size_beside_other_errors_is_that_of_the_likelihood(
         ('measured = ["lime"]', 'measured: found "lime"; expected a [measured.<name>]'),
         (
             "measured = []",
-            "measured: found an empty list; expected a list of different names in quotes",
+            'measured: found an empty list; expected different sections, as ["name"]: '
+            "[measured.name]",
         ),
         (
             'measured = ["line", "line"]',
-            "measured: found a list; expected a list of different names in quotes",
+            'measured: found ["line", "line"]; expected different sections, as ["name"]: '
+            "[measured.name]",
         ),
     ],
 )

@@ -143,7 +143,7 @@ def test_a_file_of_a_sample_is_kept_and_verified(tmp_path):
         ('a = "m"', 'a = "kg"', 'column "a" is in "mm"'),
         ("c = {", "a = 1\nc = {", "a, which [inputs] has"),
         ('sample = "posterior.csv"', 'inputs = ["a", "b"]', "no distribution"),
-        ('"posterior.csv"', '"posterior.csv"\ninputs = [["a"], "b"]', "a list is no input"),
+        ('"posterior.csv"', '"posterior.csv"\ninputs = [["a"], "b"]', '["a"] is no input'),
         ('"posterior.csv"', '"posterior.csv"\ninputs = ["a", "a"]', '"a" stands twice in inputs'),
         ('"posterior.csv"', '"posterior.csv"\nunits = ["mm", "1"]', "known: sample, inputs"),
         ("[designs.mc]", "[joint.other]\nsample = 'posterior.csv'\n[designs.mc]", "[joint.post"),

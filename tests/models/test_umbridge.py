@@ -194,7 +194,7 @@ ANSWERS = {
     "huge": (http(f'{{"output": [[1{400 * "0"}], [2]]}}'), "y is inf"),
     "text": (http('{"output": [[1], ["2"]]}'), 'the server\'s output has "2", not a number'),
     "flag": (http('{"output": [[true], [2]]}'), "the server's output has true, not a number"),
-    "list": (http('{"output": [[[1]], [2]]}'), "the server's output has a list, not a number"),
+    "list": (http('{"output": [[[1]], [2]]}'), "the server's output has [1], not a number"),
     "no vectors": (http('{"output": [1, 2]}'), NO_VECTORS),
     "nothing": (http("{}"), NO_VECTORS),
     "no object": (http("[1]"), NO_OBJECT),

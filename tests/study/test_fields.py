@@ -117,7 +117,7 @@ class TestMistakes:
             ("time = { values = [1, 3, 2] }",
              ".time.values[2]: found 2; expected finite numbers in ascending order"),
             ('time = { values = [1, "a"] }',
-             ".time.values: found a list; expected a list of numbers"),
+             '.time.values: found [1, "a"]; expected a list of numbers'),
             ("time = { from = 0, to = 1 }",
              ".time: found from and to; expected either from, to and size, or values, or file, "
              "or from_model"),

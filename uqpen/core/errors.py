@@ -34,6 +34,8 @@ from datetime import date, time
 # Python converts integers of up to 4 300 digits to decimal ones, as that takes the square of their
 # number in time; these bits are some 4 200 digits. TOML's hexadecimal integers have no limit.
 _HUGE = 14_000
+# A list of more characters is named, not written.
+_LONGEST_LIST = 60
 
 
 @dataclass(frozen=True)
@@ -201,5 +203,8 @@ def toml_text(value: object) -> str:
     if isinstance(value, dict):
         return "a table"
     if isinstance(value, list):
-        return "a list" if value else "an empty list"
+        written = f"[{', '.join(map(toml_text, value))}]"
+        is_short = len(written) <= _LONGEST_LIST
+        is_flat = not any(isinstance(each, dict | list) for each in value)
+        return "an empty list" if not value else written if is_short and is_flat else "a list"
     return "a whole number of over 4000 digits" if is_huge(value) else repr(value)

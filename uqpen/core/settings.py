@@ -365,8 +365,8 @@ def name(**options: Any) -> Any:
     return setting("name", "a name in quotes", accepts, **options)
 
 
-def names(**options: Any) -> Any:
-    """Declare names of other parts of the study, which a study file gives as a list."""
+def names(*, expected: str, **options: Any) -> Any:
+    """Declare different names of other parts of the study, which a study file lists."""
 
     def accepts(value: Any) -> bool:
         are_names = isinstance(value, tuple) and all(isinstance(each, str) for each in value)
@@ -376,7 +376,7 @@ def names(**options: Any) -> Any:
     def read(written: Any, context: Context) -> Any:
         return tuple(written) if isinstance(written, list) else written
 
-    return setting("names", "a list of different names in quotes", accepts, read, **options)
+    return setting("names", expected, accepts, read, **options)
 
 
 def file(**options: Any) -> Any:

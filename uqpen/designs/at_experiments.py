@@ -36,7 +36,7 @@ class MeasuredDesign(Design):
 
     needs_one_model = True
 
-    measured: tuple[str, ...] = names()
+    measured: tuple[str, ...] = names(expected='different sections, as ["name"]: [measured.name]')
     experiments: Experiments = field(default=Experiments(()), compare=False, repr=False)
 
     @property
