@@ -12,6 +12,7 @@ from scipy import special
 
 import uqpen
 from uqpen.archive.read import open_archive
+from uqpen.archive.structure import find_faults
 from uqpen.checkpoints.make_archive import make_archive
 from uqpen.core.errors import ArchiveError, StudyError
 from uqpen.core.labels import REWEIGHTED_FROM
@@ -124,6 +125,25 @@ def test_changed_weights_are_found(folder, tmp_path):
     uqpen.write(new, tmp_path / "changed.nc")
     results = {each.name: each.verdict for each in uqpen.verify(tmp_path / "changed.nc", runs=1)}
     assert results["weights"] is CheckOutcome.DIFFERENT
+
+
+@pytest.mark.parametrize(
+    "spoilt",
+    [
+        ("run", np.append(np.ones(2999), -1.0)),
+        ("run", np.append(np.ones(2999), np.inf)),
+        ("run", np.zeros(3000)),  # a weight of 0 is one, if some run counts
+        ("run", np.full(3000, "1")),
+        ("place", np.ones(3)),
+    ],
+)
+def test_weights_that_are_none_are_a_fault(folder, spoilt):
+    new = open_archive(folder / "new.nc")
+    runs = new["runs/monte_carlo"].to_dataset()
+    for weights in (spoilt, ("run", np.append(np.ones(2999), 0.0))):
+        new["runs/monte_carlo"] = xr.DataTree(runs.assign_coords(weight=weights))
+        said = "/runs/monte_carlo: a weight that is none"
+        assert list(find_faults(new)) == [said] * (weights is spoilt)
 
 
 def test_a_fresh_study_does_not_take_weighted_runs_for_its_own(folder, tmp_path):

@@ -160,9 +160,14 @@ def test_archive_tables_json_and_the_long_table_agree(tree):
     assert frame["event"].tolist() == ["safe", "unsafe", "never"]
 
 
-def test_the_page_has_a_sentence_of_each(tree):
-    page = str(list(answer(ArchiveView(tree, "")))).replace("\\xa0", " ").replace("\u00a0", " ")
-    assert "head='Depth < 60 cm and width < 0.5 m', text='In " in page
+def test_the_page_has_a_sentence_of_each(tree, conditional):
+    page, other = (
+        str(list(answer(ArchiveView(each, "")))).replace("\\xa0", " ")
+        for each in (tree, conditional)
+    )
+    said = "In 46.8 % of cases (37.5 % to 56.6 %, 95 % interval)."
+    assert f"head='Depth < 60 cm and width < 0.5 m', text='{said}'" in page
+    assert "(without an interval: no completed run meets the condition: width > 2 m)." in other
     assert "The limit of the study, at most 10 %, is not met: the whole interval lies" in page
 
 
