@@ -82,10 +82,10 @@ def compare(
     seconds = runner.seconds_per_run() * total
     progress.start_benchmark(runs=total, reference=runs, repeats=settings.repeats, seconds=seconds)
     stream = Stream(study.seed, "head_to_head", "reference")
-    truth = runner.estimates(runner.run_design(SobolSequence(runs, replicates), stream))
+    reference = runner.estimates(runner.run_design(SobolSequence(runs, replicates), stream))
     progress.finish_repeat(0)
     statistics = list(benchmark_statistics(study.quantities_of_interest))
-    record = EstimateRecord(methods, settings, statistics, truth)
+    record = EstimateRecord(methods, settings, statistics, reference)
     # Repeat by repeat: each takes as long as the one before, so the end can be predicted.
     for repeat in range(settings.repeats):
         for position, method in enumerate(methods):

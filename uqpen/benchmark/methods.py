@@ -171,12 +171,12 @@ class BenchmarkStatistic:
             return np.full(shape, np.nan)
         return np.asarray(array.values, dtype=np.float64).reshape(shape)
 
-    def error_scale(self, truth: FloatArray, spread: float) -> FloatArray:
+    def error_scale(self, reference: FloatArray, spread: float) -> FloatArray:
         """Return the sizes that errors are relative to, of shape (entry,).
 
         They follow from the reference's values and the standard deviation of the output.
         """
-        size = np.abs(truth)
+        size = np.abs(reference)
         if self._described.unit is UnitRule.VALUE:  # may be zero without being small
             size = np.where(size < _SMALL * spread, spread, size)
         return np.where(size > 0, size, 1.0)

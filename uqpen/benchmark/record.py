@@ -106,7 +106,7 @@ class ErrorRatio:
 def root_mean_square_errors(errors: FloatArray) -> Accuracy:
     """Return root mean squares over repeats, with the jackknife's errors of their logarithms.
 
-    `errors` are estimates less the truth, shape (..., repeat).
+    `errors` are estimates less the reference, shape (..., repeat).
 
     References
     ----------
@@ -310,7 +310,7 @@ class EstimateRecord:
         Budgets and repeats.
     statistics : sequence of BenchmarkStatistic
         Those that methods are compared by, output by output.
-    truth : mapping of str to mapping
+    reference : mapping of str to mapping
         The reference's estimate arrays, by output and statistic.
     """
 
@@ -319,19 +319,19 @@ class EstimateRecord:
         methods: tuple[BenchmarkMethod, ...],
         settings: BenchmarkSettings,
         statistics: Sequence[BenchmarkStatistic],
-        truth: Estimates,
+        reference: Estimates,
     ) -> None:
-        self._methods, self._settings, self._truth = methods, settings, truth
+        self._methods, self._settings, self._reference = methods, settings, reference
         # Along entry and bound, and the scales of the relative errors along entry.
-        self._reference = {each: each.estimates(truth) for each in statistics}
+        self._reference_values = {each: each.estimates(reference) for each in statistics}
         self._scales = {
-            each: each.error_scale(values[:, 0], float(truth[each.output][STD.name].values[0]))
-            for each, values in self._reference.items()
+            each: each.error_scale(values[:, 0], float(reference[each.output][STD.name].values[0]))
+            for each, values in self._reference_values.items()
         }
         shape = (len(methods), len(settings.budgets), settings.repeats)
         self._estimates = {
             each: np.full((*shape, *values.shape), np.nan)
-            for each, values in self._reference.items()
+            for each, values in self._reference_values.items()
         }
 
     def add(self, method: int, budget: int, repeat: int, estimates: Estimates) -> None:
@@ -342,8 +342,10 @@ class EstimateRecord:
     def accuracy(self, statistic: BenchmarkStatistic) -> Accuracy:
         """Return the relative errors, of shape (method, budget, entry)."""
         values = np.moveaxis(self._estimates[statistic][..., 0], 2, -1)
-        truth = self._reference[statistic][:, :1]
-        return root_mean_square_errors((values - truth) / self._scales[statistic][:, np.newaxis])
+        reference = self._reference_values[statistic][:, :1]
+        return root_mean_square_errors(
+            (values - reference) / self._scales[statistic][:, np.newaxis]
+        )
 
     def coverage(self, statistic: BenchmarkStatistic) -> FloatArray:
         """Return the share of the intervals that contain the reference; NaN for no intervals.
@@ -351,9 +353,9 @@ class EstimateRecord:
         Its shape is (method, budget, entry).
         """
         lower, upper = np.moveaxis(self._estimates[statistic][..., 1:], -1, 0)
-        truth = self._reference[statistic][:, 0]
+        reference = self._reference_values[statistic][:, 0]
         has_interval = ~(np.isnan(lower) | np.isnan(upper))
-        held = (has_interval & (lower <= truth) & (truth <= upper)).sum(axis=2)
+        held = (has_interval & (lower <= reference) & (reference <= upper)).sum(axis=2)
         with np.errstate(invalid="ignore"):
             share: FloatArray = held / has_interval.sum(axis=2)
         return share
@@ -374,7 +376,7 @@ class EstimateRecord:
         """Yield the groups of an archive: the reference and each method, then the verdicts."""
         by_output = {
             output: list(found)
-            for output, found in groupby(self._reference, lambda statistic: statistic.output)
+            for output, found in groupby(self._reference_values, lambda statistic: statistic.output)
         }
         of_methods = {
             statistic: {
@@ -383,12 +385,12 @@ class EstimateRecord:
                 f"{statistic.name}_coverage": self.coverage(statistic),
                 f"{statistic.name}_slope": self.slopes(statistic),
             }
-            for statistic in self._reference
+            for statistic in self._reference_values
         }
         taken = {method.source for method in self._methods}
         place = f"/{STATISTICS_GROUP}/{_free_name(REFERENCE, taken)}"
         yield place, xr.Dataset(attrs={SOURCE_KIND: REFERENCE, RUNS_SPENT: reference_runs})
-        for output, arrays in self._truth.items():
+        for output, arrays in self._reference.items():
             yield f"{place}/{output}", pack(arrays)
         for position, method in enumerate(self._methods):
             runs = sum(cost.runs for cost in self._costs(position)) * self._settings.repeats
@@ -447,7 +449,7 @@ class EstimateRecord:
                 i for i, each in enumerate(self._methods) if _VARIANTS[variant] in each.variants
             ]
             compared = errors[inside, budget, entry]
-            _, lower, upper = self._reference[statistic][entry]
+            _, lower, upper = self._reference_values[statistic][entry]
             own = float((upper - lower) / 2 / self._scales[statistic][entry])
             verdict = find_verdict([self._methods[i].source for i in inside], compared, own)
             found["verdict"][at] = verdict_sentence(verdict, budgets[budget])
@@ -487,7 +489,7 @@ class EstimateRecord:
         # The labels of the entries are those that the reference has.
         coordinates |= {
             str(name): coordinate.variable
-            for name, coordinate in self._truth[statistic.output][statistic.name].coords.items()
+            for name, coordinate in self._reference[statistic.output][statistic.name].coords.items()
             if coordinate.dims == (statistic.dimension,) and name not in INTERVAL_TEXTS
         }
         attributes = {"long_name": f"{described.title} of {statistic.quantity.output.title}"}

@@ -156,9 +156,9 @@ def method_keys(methods: Sequence[ComparedMethod]) -> tuple[LegendKey, ...]:
 def _error_notes(
     entry: ComparedEntry, variant: str, errors: FloatArray, lower: float
 ) -> Iterator[str]:
-    scale, truth = entry.error_scale, abs(float(entry.reference.values[0]))
-    if not math.isclose(scale, truth) and math.isfinite(truth):
-        if not truth and scale == 1:
+    scale, reference = entry.error_scale, abs(float(entry.reference.values[0]))
+    if not math.isclose(scale, reference) and math.isfinite(reference):
+        if not reference and scale == 1:
             yield f"Errors are in % of 1{unit_suffix(entry.units)}, as the reference is 0."
         else:
             yield "Errors are in % of the standard deviation, as the reference is about 0."
@@ -337,5 +337,7 @@ def coverage_note(comparison: MethodComparison) -> str:
 
 def _nominal_level(comparison: MethodComparison) -> float:
     """Return the nominal level of the methods' own intervals: that of the reference's."""
-    truths = (entry.reference.attrs for entry in comparison.entries)
-    return float(next((each[INTERVAL_LEVEL] for each in truths if INTERVAL_LEVEL in each), 0.95))
+    references = (entry.reference.attrs for entry in comparison.entries)
+    return float(
+        next((each[INTERVAL_LEVEL] for each in references if INTERVAL_LEVEL in each), 0.95)
+    )

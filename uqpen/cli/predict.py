@@ -51,19 +51,14 @@ def open_surrogate(
     if not paths:
         raise UnknownNameError(f"{path}: contains no surrogate")
     if not name and len(paths) > 1:
-        raise UnknownNameError(
-            f"{path}: contains several surrogates; expected one of {_list(path, paths)}"
-        )
+        listed = ", ".join(f"{path}:{each}" for each in paths)
+        raise UnknownNameError(f"{path}: contains several surrogates; expected one of {listed}")
     label = name or next(iter(paths))
     if not trust or label not in paths:
         return archived_surrogate(tree, label)
     with restored_study(tree, folder, trust=True) as restored:
         settings = restored.study.surrogates[paths[label][1]]
         return archived_surrogate(tree, label, kind=None if settings.absence else type(settings))
-
-
-def _list(path: Path, names: object) -> str:
-    return ", ".join(f"{path}:{name}" for name in names)  # type: ignore[attr-defined]
 
 
 # The command.

@@ -132,15 +132,11 @@ def conversion(statistic: Statistic, shown: Scale, *, is_difference: bool = Fals
     With `is_difference`, it is a statistic of the difference of two models.
     """
     if statistic.measure.relative_to:
-        return _percent
+        return lambda values: values * 100.0
     if statistic.unit is UnitRule.NONE:
         return identity
     is_value = statistic.unit is UnitRule.VALUE and not is_difference
     return shown.from_si if is_value else shown.difference_from_si
-
-
-def _percent(values: Any) -> Any:
-    return values * 100.0
 
 
 def shown_unit(attributes: Mapping[Any, Any]) -> str:

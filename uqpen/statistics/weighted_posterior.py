@@ -142,10 +142,7 @@ class WeightedPosterior:
 def _weighted_posterior(
     measured: Experiments, runs: xr.Dataset, level: float
 ) -> tuple[WeightedPosterior, IntArray, FloatArray]:
-    """Return the weighted draws of a design, none if it has no result; their numbers.
-
-    The logarithms of the likelihoods of all draws follow.
-    """
+    """Return the weighted draws, their numbers, and the log-likelihoods of all draws."""
     names, values = unknown_values(measured, runs)
     number, predicted = (
         runs[name].values[:: measured.count] for name in (SEARCH_ROUND, PREDICTED_LOG_LIKELIHOOD)

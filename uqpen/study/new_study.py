@@ -504,7 +504,8 @@ def data_draft(path: Path, reference: str) -> DataDraft:
         data_results(file, (), {})
         data_coordinates(file, ())
     except SettingsError as error:
-        raise ModelError(f"{path}: {_described(error)}") from None
+        found = "; ".join(f"found {p.found}; expected {p.expected}" for p in error.problems)
+        raise ModelError(f"{path}: {found}") from None
     ignored: dict[str, str] = {}
     headings: dict[str, str] = {}
     variables: list[DataColumn] = []
@@ -627,7 +628,3 @@ def _range(column: DataColumn) -> str:
 
 def _list(names: Iterable[str]) -> str:
     return f"[{', '.join(map(toml_text, names))}]"
-
-
-def _described(error: SettingsError) -> str:
-    return "; ".join(f"found {each.found}; expected {each.expected}" for each in error.problems)

@@ -621,7 +621,8 @@ def read_analyses(root: TableReader, seed: int) -> tuple[UserDefinedAnalysis, ..
     analyses: dict[str, UserDefinedAnalysis] = {}
     for position, reference in enumerate(root.entries(ANALYSES_KEY)):
         place = (ANALYSES_KEY, position)
-        table = {"salib": reference[len(SALIB) :]} if _is_of_salib(reference) else reference
+        is_of_salib = isinstance(reference, str) and reference.startswith(SALIB)
+        table = {"salib": reference[len(SALIB) :]} if is_of_salib else reference
         if isinstance(table, dict):
             made = _read_salib(root.inside(table, *place), seed)
             if made and made.reference in analyses:
@@ -642,10 +643,6 @@ def read_analyses(root: TableReader, seed: int) -> tuple[UserDefinedAnalysis, ..
                 expected = "a function that can be called with a sample and a quantity of interest"
                 root.add_problem(place, str(error), error.expected or expected)
     return tuple(analyses.values())
-
-
-def _is_of_salib(reference: object) -> bool:
-    return isinstance(reference, str) and reference.startswith(SALIB)
 
 
 def _read_salib(table: TableReader, seed: int) -> UserDefinedAnalysis | None:

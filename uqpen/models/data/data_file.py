@@ -308,7 +308,8 @@ class _Table:
             counts = {line.count(self._delimiter) for line in self.text.split("\n") if line.strip()}
             if counts == {expected - 1}:
                 return
-        for line, row in self._rows():
+        headings = 2 if self._places else 1
+        for line, row in itertools.islice(self._all_rows(), headings, None):
             if len(row) != expected:
                 values = "1 value" if len(row) == 1 else f"{len(row)} values"
                 found = f"{values} in {self.file}, line {line}"
@@ -400,10 +401,6 @@ class _Table:
         known = dict(zip(first, second, strict=False))
         is_table = {*first} >= _OF_EASYVVUQ and len(first) == len(second)
         return is_table and all(known[name] == "0" for name in _OF_EASYVVUQ)
-
-    def _rows(self) -> Iterator[tuple[int, list[str]]]:
-        """Yield the rows below the headings, each with the number of its line."""
-        return itertools.islice(self._all_rows(), 2 if self._places else 1, None)
 
     def _all_rows(self) -> Iterator[tuple[int, list[str]]]:
         stream = io.StringIO(self.text, newline="")

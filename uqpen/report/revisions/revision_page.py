@@ -209,7 +209,9 @@ def estimate_changes(pair: ArchivePair) -> Iterator[Block]:
                 tables.append(Table(table, is_folded=not is_leading))
                 if is_leading:
                     verdicts += [estimate.verdict for estimate in pairs]
-                    moved += _moved(_heading(each, model, output), source, pairs)
+                    if apart := [both.label for both in pairs if both.verdict == _APART]:
+                        heading = _heading(each, model, output)
+                        moved.append(f"{heading}, by {source}: {', '.join(apart)}")
     if not tables:
         return
     count = len(verdicts) - verdicts.count(NOTHING)
@@ -275,12 +277,6 @@ def _by_input(label: str, first: xr.DataArray, second: xr.DataArray) -> Iterator
             one, other = first[position], second[others.index(name)]
             if np.isfinite(one.values[0]) and np.isfinite(other.values[0]):
                 yield _PairedEstimate(plain_text(f"{label}, {name}"), one, other, identity)
-
-
-def _moved(title: str, source: str, found: list[_PairedEstimate]) -> Iterator[str]:
-    """Yield a line that names the estimates whose intervals are apart; nothing for none."""
-    if apart := [both.label for both in found if both.verdict == _APART]:
-        yield f"{title}, by {source}: {', '.join(apart)}"
 
 
 # What changed in the study, and what only one of two archives has.

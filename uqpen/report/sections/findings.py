@@ -100,7 +100,8 @@ def driver_sentences(view: ArchiveView, output: str) -> Iterator[str]:
     elif (share := float(ranking.estimates[first].values[0])) < _LEAST:
         yield f"No single input causes more than {text} of the variance of {name} by itself."
     else:
-        part = f"about {_fraction(share)} of the variance of {name}"
+        nearest = min(_FRACTIONS, key=lambda each: abs(each - share))
+        part = f"about {_FRACTIONS[nearest]} of the variance of {name}"
         yield f"{start} {_share_text(view, ranking, part, text)}"
     if further := _next_inputs(view, ranking, others):
         yield f"Next: {further}."
@@ -152,11 +153,6 @@ def _exceeds(total: xr.DataArray, first: xr.DataArray) -> bool:
     if has_interval(total.values) and has_interval(first.values):
         return beyond and bool(total.values[1] > first.values[2])
     return beyond
-
-
-def _fraction(share: float) -> str:
-    nearest = min(_FRACTIONS, key=lambda each: abs(each - share))
-    return _FRACTIONS[nearest]
 
 
 def _estimate_text(array: xr.DataArray) -> str:
