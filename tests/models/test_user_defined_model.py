@@ -117,6 +117,16 @@ class TestArchive:
     def test_with_trust_all_is_repeated(self, archive):
         assert _outcomes(archive, trust=True) == {}
 
+    def test_it_is_prepared_before_runs_are_made_and_made_again(self, folder):
+        prepares = "    def prepare(self):\n        type(self).is_ready = True\n\n"
+        evaluates = "    def evaluate(self, inputs):\n"
+        model = MODEL.replace(evaluates, f"{prepares}{evaluates}        assert self.is_ready\n")
+        (folder / "my_model.py").write_text(model)
+        tree = uqpen.run(uqpen.parse_study(STUDY, folder=folder))
+        assert (tree["runs/some"]["status"] == Status.OK).all()
+        uqpen.write(tree, folder / "a.nc")
+        assert _outcomes(folder / "a.nc", trust=True) == {}
+
     def test_code_is_executed_only_with_trust(self, folder, command_line):
         trace = folder / "executed"
         touch = f"import pathlib\npathlib.Path({str(trace)!r}).touch()\n"

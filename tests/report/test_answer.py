@@ -143,8 +143,13 @@ def test_a_single_run_is_reported_in_the_singular(study_of):
 
 
 def test_an_output_that_is_the_same_in_all_runs_has_no_interval_to_read(study_of):
-    reported = _reported(uqpen.run(study_of("0 * a + 2", a=(0.0, 1.0))))
+    text = "".join(
+        f'[designs.{name}]\nkind = "monte-carlo"\nruns = 10\n' for name in ("some", "other")
+    )
+    reported = _reported(uqpen.run(study_of("0 * a + 2", text, a=(0.0, 1.0))))
     assert reported[0] == "y is 2 in every run."
+    said = "Yes, 1 other design within their intervals. y, median: 2."
+    assert f"Do the other methods agree?: {said}" in reported
 
 
 def test_where_no_run_came_back_there_is_no_answer(archives):

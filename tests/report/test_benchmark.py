@@ -103,6 +103,16 @@ class TestAnswer:
         assert (lead["x"][first], lead["marker"]["symbol"][first]) == (0, "square")
         assert 0 not in traced(chart, "monte_carlo")["y"]
 
+    @pytest.mark.parametrize(
+        ("most", "said"),
+        [(1, ["The first 1 of 2 outputs; the verdicts below cover all."]), (2, [])],
+    )
+    def test_of_many_outputs_the_first_have_charts(self, tree, monkeypatch, most, said):
+        monkeypatch.setattr("uqpen.report.sections.benchmark._MOST_CHARTS", most)
+        (block,) = blocks_of(tree, "leaders", Charts)
+        assert len(block.charts) == most
+        assert list(block.notes[1:]) == said
+
     def test_what_must_be_known_is_counted(self, tree):
         known = blocks_of(tree, "leaders", Remarks)[0]
         assert known.head == "What to keep in mind"
