@@ -274,6 +274,14 @@ class TestLostRuns:
         reported = "the server's answer has more than 16777216 bytes"
         assert made["lost_reason"].values.tolist() == [reported]
 
+    def test_the_size_of_an_answer_is_limited(self, monkeypatch):
+        monkeypatch.setattr(umbridge, "_LARGEST", 1000)
+        answers = (http('{"output": [[1], [2]]}'.ljust(size)) for size in (1000, 1001))
+        with answering(*BEFORE, *answers) as address:
+            points = {name: np.array([0.1, 0.2]) for name in ("a", "b", "c")}
+            results = study(address, "").model.evaluate(points)
+        assert results.reasons == {1: "the server's answer has more than 16777216 bytes"}
+
     def test_a_server_that_dies_takes_the_rest_of_the_study_along_at_once(self):
         with serving() as (address, process):
             loaded = study(
