@@ -783,14 +783,7 @@ def _family(table: TableReader) -> str | None:
     """Return the distribution of a random input: a name or a reference."""
     families = [key for key in table if key not in _LIMITS]
     if len(families) != 1:
-        found = " and ".join(families) or "no distribution"
-        expected = f"one distribution of {', '.join(_FAMILIES)}"
-        for key in _NAMING:
-            if isinstance(named := table.content.get(key), str):
-                others = (f"{each} = …" for each in families if each != key)
-                family = nearest(named, _FAMILIES) or named
-                expected = f"{{ {family} = {{ {', '.join(others)} }} }}"
-        table.add_problem((), found, expected)
+        _add_wrong_keys(table, families)
         return None
     (family,) = families
     if family in (*_FAMILIES, OBJECT) or is_reference(family):
@@ -807,6 +800,24 @@ def _family(table: TableReader) -> str | None:
                 break
     table.add_problem(family, "an unknown distribution", expected)
     return None
+
+
+def _add_wrong_keys(table: TableReader, families: list[str]) -> None:
+    """Note the keys of a random input where not exactly one stands for a distribution."""
+    unknown = [key for key in families if key not in _FAMILIES]
+    if len(families) - len(unknown) == 1:
+        for key in unknown:
+            table.add_problem(key, "an unknown key", choices(key, _LIMITS))
+        return
+    expected = f"one distribution of {', '.join(_FAMILIES)}"
+    if table.content and not families:
+        expected = f"a distribution beside them, or {{ {INTERVAL} = [lower, upper] }}"
+    for key in _NAMING:
+        named = table.content.get(key)
+        if isinstance(named, str) and (family := nearest(named, _FAMILIES)):
+            others = (f"{each} = …" for each in families if each != key)
+            expected = f"{{ {family} = {{ {', '.join(others)} }} }}"
+    table.add_problem((), " and ".join(families) or "no distribution", expected)
 
 
 def _read_distribution(table: TableReader, variable: Input, family: str) -> RandomInput | None:
