@@ -192,6 +192,7 @@ def test_a_table_of_points_gets_columns_of_predictions(predict):
     ("points", "message"),
     [
         ("load [kN]\n15\n", '"points.csv": pce also needs span'),
+        ("load [kN],spam [m]\n15,1\n", 'column "spam": did you mean "span"? known: load, span'),
         (
             "load [kN],span [kN]\n15,1\n",
             '"points.csv", column "span" is in "kN"; expected a length',

@@ -91,6 +91,7 @@ def predict(
     from uqpen.cli.prediction_table import prediction_parts
     from uqpen.core.columns import read_columns
     from uqpen.core.errors import UnknownNameError
+    from uqpen.core.lookup import choices, nearest
 
     is_dataset = file is not None and file.suffix.lower() == ".nc"
     kind = "" if is_dataset else table_format(file)
@@ -98,7 +99,7 @@ def predict(
     if archive is None:
         raise UnknownNameError(f"{surrogate}: expected ARCHIVE.nc:NAME")
     found = open_surrogate(open_archive(archive[0]), *archive, folder, trust=trust)
-    known = {variable.name for variable in found.inputs}
+    known = [variable.name for variable in found.inputs]
     # A heading of the data file that the runs come from is the title of an input.
     names = {each.title: each.name for each in found.inputs} | {name: name for name in known}
     labels = {each.name: each.labels for each in found.inputs}
@@ -110,6 +111,10 @@ def predict(
     taken = [column for column in columns if column.name in known]
     if ignored := [column.name for column in columns if column.name not in known]:
         show_message(f"columns that are no input: {', '.join(ignored)}")
+        absent = set(known).difference(column.name for column in taken)
+        for name in ignored:
+            if nearest(name, absent):
+                show_message(f'column "{name}": {choices(name, known)}')
     values, text = _checked_values(found, taken, points)
     for said in filter(None, (text, found.refutation_text)):
         show_message(said)
