@@ -240,7 +240,7 @@ class TestTable:
             ("length [frob],share\n1,2\n", "not a known unit"),
             ("length,share\n1,2\n", 'column "length" is without a unit; expected a length'),
             ("length [m],length [m]\n1,2\n", "stands twice"),
-            ("length [m],share\n1\n", "line 2: 1 values under 2 headings"),
+            ("length [m],share\n1\n", "line 2: 1 value under 2 headings"),
             ("length [m],share\n1,x\n", 'line 2, column "share": found "x"'),
             ("length [m],share\n1,nan\n", 'found "nan"'),
             ("length [m],share\n1,\n", 'found ""'),

@@ -186,6 +186,8 @@ def test_a_table_of_points_gets_columns_of_predictions(predict):
     assert "1 of 2 points is outside of the training range: load 10." in done.err
     done = predict(POINTS, "-o", "out.json")
     assert (done.code, done.out) == (0, "2 rows: out.json\n")
+    done = predict(POINTS.rpartition("2,")[0], "-o", "out.json")
+    assert (done.code, done.out) == (0, "1 row: out.json\n")
 
 
 @pytest.mark.parametrize(

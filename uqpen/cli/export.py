@@ -62,23 +62,24 @@ def write_table(table: pd.DataFrame | Iterator[pd.DataFrame], kind: str, file: P
     installed.
     """
     from uqpen.cli.messages import printable
+    from uqpen.core.errors import counted
     from uqpen.results.export import table_content
 
     rows = 0
 
-    def counted() -> Iterator[pd.DataFrame]:
+    def parts() -> Iterator[pd.DataFrame]:
         nonlocal rows
         for part in table if isinstance(table, Iterator) else [table]:
             yield part
             rows += len(part)
 
-    content = table_content(counted(), kind)
+    content = table_content(parts(), kind)
     if file is None:
         for text in map(bytes.decode, content):
             click.echo(printable(text) if sys.stdout.isatty() else text, nl=False)
         return
     write_file(file, content)
-    click.echo(f"{rows} rows: {printable(str(file))}")
+    click.echo(f"{counted(rows, 'row')}: {printable(str(file))}")
 
 
 # The command.

@@ -13,6 +13,7 @@ from rich.text import Text
 from uqpen.archive.read import group_names
 from uqpen.cli.console import plain_table, show_table, standard_output
 from uqpen.cli.messages import screen_text
+from uqpen.core.errors import counted
 from uqpen.core.labels import RUNS
 from uqpen.core.status import STATUS_TEXT
 from uqpen.results.failed_runs import failed_runs
@@ -49,7 +50,7 @@ def show_answer(tree: xr.DataTree, archive: Path) -> None:
         for line in lines:
             # Spaces at which no line ends have done their work.
             console.print(Text(screen_text(line.replace("\u00a0", " "))), soft_wrap=True)
-    more = f" and {omitted} more line{'s' * (omitted > 1)} of results" if omitted else ""
+    more = f" and {counted(omitted, 'more line')} of results" if omitted else ""
     command = shlex.join(["uqpen", "show", str(archive)])
     console.print(Text(screen_text(f"tables{more}: {command}")), soft_wrap=True)
 
@@ -96,4 +97,4 @@ def _show_failures(console: Console, tree: xr.DataTree) -> None:
     console.print(plain_table(["design", "failed runs", "reason"], rows))
     if len(found) > len(rows):
         left = len(found) - len(rows)
-        console.print(Text(f"and {left} more reason{'s' * (left > 1)}", style="dim"))
+        console.print(Text(f"and {counted(left, 'more reason')}", style="dim"))

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from uqpen.core.arrays import FloatArray, floats, is_finite_number
-from uqpen.core.errors import QuantityError, TableError, toml_text
+from uqpen.core.errors import QuantityError, TableError, counted, toml_text
 from uqpen.core.files import FileSnapshot, NotAFileError, read_file
 from uqpen.core.lookup import choices
 from uqpen.core.netcdf.opening import (
@@ -251,7 +251,7 @@ def _columns(
     while rows := list(islice(lines, _ROWS)):
         for line, row in rows:
             if len(row) != len(header):
-                found = f"{len(row)} values under {len(header)} headings"
+                found = f"{counted(len(row), 'value')} under {counted(len(header), 'heading')}"
                 expected = "commas separate columns, and a point stands before decimals"
                 raise TableError(f'"{path.name}", line {line}: {found}; {expected}')
         for each in entries:

@@ -192,6 +192,11 @@ def is_huge(value: object) -> bool:
     return isinstance(value, int) and value.bit_length() > _HUGE
 
 
+def counted(number: int, noun: str) -> str:
+    """Return a number and its noun, which is in the singular for one."""
+    return f"{number} {noun}{'s' * (number != 1)}"
+
+
 def toml_text(value: object) -> str:
     """Return a TOML value approximately as its author wrote it."""
     if isinstance(value, bool):

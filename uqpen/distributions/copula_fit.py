@@ -10,7 +10,7 @@ import numpy as np
 import scipy
 
 from uqpen.core.arrays import FloatArray
-from uqpen.core.errors import Problem, SettingsError
+from uqpen.core.errors import Problem, SettingsError, counted
 from uqpen.core.lookup import resolve
 from uqpen.distributions import COPULAS
 from uqpen.distributions.copulas import Dependence
@@ -106,7 +106,7 @@ def fit_copula(
     bootstrap, in two levels.
     """
     if len(rows) < FEWEST_ROWS:
-        few = Problem((), f"{len(rows)} rows", f"at least {FEWEST_ROWS}")
+        few = Problem((), counted(len(rows), "row"), f"at least {FEWEST_ROWS}")
         raise SettingsError([few])
     for name, column in zip(inputs, rows.T, strict=True):
         if not np.ptp(column) > 0:

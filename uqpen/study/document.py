@@ -16,7 +16,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from uqpen.core.errors import Problem, StudyError, is_huge, toml_text
+from uqpen.core.errors import Problem, StudyError, counted, is_huge, toml_text
 
 # Most bytes of a study's text.
 LARGEST = 4 * 1024 * 1024
@@ -183,8 +183,7 @@ class Document:
             ((self.line(problem.path) or 0, problem) for problem in problems[:MOST_LISTED]),
             key=lambda pair: pair[0],
         )
-        count = "1 mistake" if len(problems) == 1 else f"{len(problems)} mistakes"
-        blocks = [f"{self.label}: {count}; nothing was run"]
+        blocks = [f"{self.label}: {counted(len(problems), 'mistake')}; nothing was run"]
         blocks += [self._message_block(line, problem) for line, problem in located]
         if len(problems) > len(located):
             blocks.append(f"  and {len(problems) - len(located)} more")

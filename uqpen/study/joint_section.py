@@ -17,6 +17,7 @@ from uqpen.core.errors import (
     QuantityError,
     SettingsError,
     TableError,
+    counted,
     toml_text,
 )
 from uqpen.core.files import FileSnapshot
@@ -414,8 +415,7 @@ def _rows(
             raise TableError(f'column "{column.name}" has values outside its domain: {bounds}')
         if not np.ptp(values) > 0:
             raise TableError(f'column "{column.name}" does not vary')
-    plural = "s" * (dropped > 1)
-    note = f" ({dropped} row{plural} with a blank left out)" if dropped else ""
+    note = f" ({counted(dropped, 'row')} with a blank left out)" if dropped else ""
     return taken, rows, weights, note
 
 

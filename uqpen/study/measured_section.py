@@ -11,7 +11,7 @@ import numpy as np
 
 from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 from uqpen.core.columns import Column, columns_of_table, read_columns
-from uqpen.core.errors import QuantityError, TableError, toml_text
+from uqpen.core.errors import QuantityError, TableError, counted, toml_text
 from uqpen.core.files import FileSnapshot
 from uqpen.core.model import Input, Model
 from uqpen.core.quantities import parse_quantity
@@ -368,7 +368,7 @@ def _read_file(
         section.add_problem(key, str(error), "rows of measurements under headings name [unit]")
         return None
     if not 0 < rows <= _MOST_ROWS:
-        section.add_problem(key, f"{rows} rows", f"1 to {_MOST_ROWS} rows of measurements")
+        section.add_problem(key, counted(rows, "row"), f"1 to {_MOST_ROWS} rows of measurements")
         return None
     return _Table(section, by_name, rows, key), snapshot
 
@@ -703,8 +703,8 @@ def _pooled(
 def _covariance_file(table: TableReader, output: Output, rows: int) -> FloatArray | None:
     """Return the covariance of an output's rows from a file; None where a mistake was noted."""
     expected = (
-        f"a file of {rows} columns with {rows} rows, headed 1 to {rows} with the square of a unit "
-        f"of {describe(output.unit)}, such as 1 [{output.unit}^2]"
+        f"a file of {counted(rows, 'column')} with {counted(rows, 'row')}, headed 1 to {rows} with "
+        f"the square of a unit of {describe(output.unit)}, such as 1 [{output.unit}^2]"
     )
     for key in ("std", "shared"):
         if table.take(key) is not None:
@@ -721,7 +721,7 @@ def _covariance_file(table: TableReader, output: Output, rows: int) -> FloatArra
         table.add_problem("covariance", str(error), expected)
         return None
     if matrix.shape != (rows, rows):
-        found = f"{matrix.shape[1]} rows of {matrix.shape[0]} columns"
+        found = f"{counted(matrix.shape[1], 'row')} of {counted(matrix.shape[0], 'column')}"
     elif not np.allclose(matrix, matrix.T, rtol=1e-9, atol=0):
         found = "a matrix that is not symmetric"
     elif not np.linalg.eigvalsh(matrix)[0] > 0:
@@ -824,13 +824,12 @@ def role_lines(study: ValidatedStudy) -> Iterator[str]:
     """Yield what each input is in the face of measurements, in a line for each section."""
     for name, each in study.measured.items():
         rows = sum(len(of_output.values) for of_output in each.outputs)
-        several = "s" * (each.experiments > 1)
-        parts = [f"{each.experiments} experiment{several}, {rows} values"]
+        parts = [f"{counted(each.experiments, 'experiment')}, {counted(rows, 'value')}"]
         held = {line for of in each.left_out.outputs for line in of.lines} if each.left_out else ()
         if held:
-            parts.append(f"{len(held)} row{'s' * (len(held) > 1)} held out")
+            parts.append(f"{counted(len(held), 'row')} held out")
         if each.blank and (blank := len(each.blank.outputs[0].values) - len(held)):
-            parts.append(f"{blank} blank row{'s' * (blank > 1)}, which a posterior predicts")
+            parts.append(f"{counted(blank, 'blank row')}, which a posterior predicts")
         named = ((role, ", ".join(getattr(each, role))) for role in ROLES)
         parts += [f"{role} {names}" for role, names in named if names]
         yield f"measured {name}: {'; '.join(parts)}"

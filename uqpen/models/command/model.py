@@ -19,7 +19,7 @@ from typing import Any, Literal
 import numpy as np
 
 from uqpen.core.arrays import Arrays, FloatArray
-from uqpen.core.errors import ModelError
+from uqpen.core.errors import ModelError, counted
 from uqpen.core.files import FileSnapshot
 from uqpen.core.labels import OUTCOME_OUTPUT
 from uqpen.core.limits import Limits
@@ -447,6 +447,6 @@ def _outcome_note(outcome: RunOutcome, words: list[str]) -> str:
     """Return a note for the folder of a run: its outcome and the executed command."""
     lines = [f"{STATUS_TEXT[outcome.status]}: {outcome.reason}".removesuffix(": ")]
     for name, values in outcome.outputs.items():
-        found = f" = {values.item()!r}" if not values.ndim else f": {values.size} values"
+        found = f" = {values.item()!r}" if not values.ndim else f": {counted(values.size, 'value')}"
         lines.append(name + found)
     return "\n".join([*lines, shlex.join(words), ""])

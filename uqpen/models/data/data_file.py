@@ -20,7 +20,7 @@ import numpy as np
 
 from uqpen.core.arrays import FloatArray, floats
 from uqpen.core.columns import has_decimal_comma, heading_parts, number_expected
-from uqpen.core.errors import Problem, SettingsError, TableError, toml_text
+from uqpen.core.errors import Problem, SettingsError, TableError, counted, toml_text
 from uqpen.core.files import FileSnapshot, NotAFileError, read_file
 from uqpen.core.netcdf.opening import (
     LARGEST_DATA,
@@ -168,7 +168,7 @@ class DataColumn:
         others = numbers[np.isfinite(numbers) & (numbers != value)]
         unit = f" {self.unit}" if self.unit else ""
         return (
-            f"{value:.15g} stands alone in {'1 row' if rows.size == 1 else f'{rows.size} rows'} "
+            f"{value:.15g} stands alone in {counted(rows.size, 'row')} "
             f"({self.place(int(rows[0]))}), and the others are "
             f"{others.min():.4g} to {others.max():.4g}{unit}"
         )
@@ -311,8 +311,7 @@ class _Table:
         headings = 2 if self._places else 1
         for line, row in itertools.islice(self._all_rows(), headings, None):
             if len(row) != expected:
-                values = "1 value" if len(row) == 1 else f"{len(row)} values"
-                found = f"{values} in {self.file}, line {line}"
+                found = f"{counted(len(row), 'value')} in {self.file}, line {line}"
                 raise data_error(found, f"{expected}, one under each heading")
 
     def frame(self, positions: Sequence[int]) -> Any:

@@ -25,7 +25,7 @@ from uqpen.core.labels import INTERVAL, NOTE, REPLICATED, SINGLE
 from uqpen.core.units import scale
 from uqpen.report.blocks import Heading, Quote, Remarks, Table, Text
 from uqpen.results.archive_view import ArchiveView, output_heading
-from uqpen.results.digits import grouped_number, number_text
+from uqpen.results.digits import count_text, grouped_number, number_text
 from uqpen.results.method_comparison import (
     IS_DOUBTFUL,
     IS_LEVEL,
@@ -96,7 +96,7 @@ def leaders(view: ArchiveView) -> Iterator[Block]:
 def _standing_sentences(comparison: MethodComparison) -> Iterator[str]:
     """Yield a sentence for each number of runs with a verdict."""
     found = [entry.single_set_standings for entry in comparison.entries]
-    of = f"{len(found)} statistic{'s' if len(found) > 1 else ''}"
+    of = count_text(len(found), "statistic")
     for column, budget in enumerate(comparison.budgets):
         texts = list(_method_standings(comparison, [standings[column] for standings in found]))
         if texts:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from uqpen.core.arrays import Arrays, BoolArray, FloatArray, IntArray
+from uqpen.core.errors import counted
 from uqpen.surrogates.chaos.basis import MOST_TERMS, ProductBasis
 from uqpen.surrogates.chaos.coefficients import (
     FOLDS,
@@ -152,7 +153,7 @@ def run_count_problem(points: FitPoints) -> str:
     fewest = 2 * (dimension + 1)
     if points.run_count >= fewest:
         return ""
-    inputs = f"{dimension} random input{'s' * (dimension > 1)}"
+    inputs = counted(dimension, "random input")
     return f"{points.run_count} runs came back, and {inputs} need at least {fewest}"
 
 
