@@ -82,14 +82,17 @@ def _drawn(chart):
     return [trace["name"] for trace in traces(chart.marks) if not trace["name"].endswith("refused")]
 
 
-def test_shapley_effects_decide_the_order_of_the_inputs(study_of):
+def test_shapley_effects_decide_the_order_of_the_inputs_and_which_are_shown(study_of, monkeypatch):
     # All of what b does it shares with a; so its first-order index is large, its part is not.
-    body = "3 * a + 0 * b + 1.5 * c"
+    body = "3 * a + 0 * b + 2 * c"
     tree = uqpen.run(study_of(body, DEPENDENT + DESIGNS, a=(0, 1), b=(0, 1), c=(0, 1)))
     (chart,) = find_charts(sensitivity(ArchiveView(tree, "")))
     shapley = tree["statistics/chaos/y/shapley"].values[:, 0]
     ranked = [name for _, name in sorted(zip(-shapley, "abc", strict=True))]
     assert list(chart.y.rows) == ranked
+    monkeypatch.setattr("uqpen.charts.measures._MOST_INPUTS", 2)
+    (chart,) = find_charts(sensitivity(ArchiveView(tree, "")))
+    assert list(chart.y.rows) == ["a", "c"]
 
 
 def test_independent_inputs_have_shares(study_of):
