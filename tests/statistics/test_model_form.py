@@ -6,6 +6,8 @@ import xarray as xr
 
 import uqpen
 from uqpen.core.model import Output
+from uqpen.report.sections.answer import model_form_texts
+from uqpen.results.archive_view import ArchiveView
 from uqpen.results.source_statistics import SourceStatistics
 from uqpen.statistics.model_form import model_form_shares
 from uqpen.statistics.quantity_of_interest import QuantityOfInterest
@@ -94,6 +96,15 @@ def test_an_event_has_shares_of_its_own(tmp_path):
         "fewer than ten runs lie on one side",
         "the event occurs in all runs or in none",
     ]
+
+
+def test_a_page_says_it_of_events_with_a_limit_that_occur(tmp_path):
+    limits = '{{ "0.5 m" = {{ at_most = "5 %" }}, "1 m" = {{}}, "9 m" = {{ at_most = "5 %" }} }}'
+    study = STUDY.replace('["1 m", "9 m"]', limits)
+    tree = of_models(tmp_path, "x", "2 * x", study=study)
+    of_output, of_event = model_form_texts(ArchiveView(tree, "first"), ["y"], "sample")
+    assert of_output.startswith("Of the variance of y, 22.79\u00a0% (")
+    assert of_event.startswith("Of whether it is above 0.5\u00a0m, ")
 
 
 def test_only_runs_that_all_models_completed_count(tmp_path):
