@@ -109,6 +109,13 @@ def test_the_answer_fits_a_screen_and_begins_with_what_was_asked(
     assert re.fullmatch(r"tables.*: uqpen show 'archives/a b.nc'", lines[-1])
 
 
+def test_the_answer_says_once_that_estimates_are_of_the_completed_runs(archives):
+    failed = [line for line in summary_lines(archives["beam"]) if "completed" in line]
+    assert failed == [
+        "22 of 120 runs failed, mainly where load is high; estimates are of the completed runs."
+    ]
+
+
 def test_what_does_not_fit_the_answer_is_counted(archives, monkeypatch, capsys):
     monkeypatch.setenv("COLUMNS", "34")
     show_answer(archives["beam"], Path("a.nc"))

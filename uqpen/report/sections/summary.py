@@ -96,7 +96,10 @@ def _sample_lines(view: ArchiveView, design: str) -> Iterator[str]:
         yield caveat
     quantities = () if view.model else tuple(_quantities(view, main, design))
     # What to mind speaks of failed runs.
-    yield from (_count_line(each, design) for each in views if missing_count(each, design))
+    failed = [_count_line(each, design) for each in views if missing_count(each, design)]
+    if failed:
+        failed[-1] = f"{failed[-1].removesuffix('.')}; estimates are of the completed runs."
+    yield from failed
     for alert in alerts(view, design, quantities):
         # What holds of every archive stands on its page.
         if alert.about != SCOPE:
