@@ -125,6 +125,9 @@ def page(table: Sequence[Row]) -> Iterator[str]:
 def _agreement(rows: Sequence[SimpleNamespace]) -> Iterator[str]:
     """Yield how many seeds of a method have an interval that contains what most runs say."""
     most = {row.quantity: row for row in rows if row.method == MOST_RUNS}
+    if not most:
+        yield f"No table of agreement: no file has the rows of {MOST_RUNS}, whose values it needs."
+        return
     seeds: dict[str, set[int]] = {}
     for row in rows:
         seeds.setdefault(row.method, set()).add(row.seed)

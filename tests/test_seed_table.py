@@ -118,3 +118,14 @@ def test_tables_of_coverage_are_data_beside_their_page(tmp_path):
         assert f":file: {file.name}\n" in page.read_text()
     assert "|" not in page.read_text()
     assert "\nSeeds: 4.\n<!-- two sums: end -->" in page.read_text()
+
+
+def test_the_methods_of_the_wall_are_shown_without_the_most_runs():
+    bunker = pytest.importorskip("bunker")
+    answer = bunker.Answer("P(> 60 cm)", 100, 0.1, 0.05, 0.2)._asdict()
+    rows = [{"method": "few", "first": seed, **answer} for seed in (0, 1)]
+    *_, runs, blank, last = bunker.page(rows)
+    assert (runs, blank) == ("| runs | 100 |", "")
+    assert last.startswith("No table of agreement: no file has the rows of Monte Carlo, 10 million")
+    most = {**rows[0], "method": bunker.MOST_RUNS}
+    assert "| P(> 60 cm) | 2 of 2 |" in [*bunker.page([*rows, most])]
