@@ -711,7 +711,7 @@ at = "line"
 """
 
 
-def test_rows_that_are_held_out_teach_nothing_and_are_judged_as_fresh_ones(tmp_path):
+def test_rows_that_are_held_out_teach_nothing_and_are_judged_as_fresh_ones(tmp_path, monkeypatch):
     (tmp_path / "line.py").write_text("def line(x, a, b):\n    return {'y': a + b * x}\n")
     tree = uqpen.run(uqpen.parse_study(HELD_OUT, folder=tmp_path))
     blank = HELD_OUT.replace("hold_out = [2, 6]\n", "").replace("4.0,", '"",').replace("15.7", '""')
@@ -738,6 +738,10 @@ def test_rows_that_are_held_out_teach_nothing_and_are_judged_as_fresh_ones(tmp_p
     first, *_ = validation_tables(tree)
     assert first.title == "y at values held out of fit"
     assert [label for label, _ in first.rows] == ["row 2, x 1.5", "row 6, x 5"]
+    monkeypatch.setattr("uqpen.results.validations._MOST_ROWS", 1)
+    first, *_ = validation_tables(tree)
+    assert (first.title[-2:], len(first.rows)) == (" ³", 1)
+    assert first.notes[2] == "the archive and JSON have 1 more row"
     headings = [each.text for each in measurements(view) if isinstance(each, Heading)]
     assert len({*headings}) == len(headings)
 

@@ -185,7 +185,8 @@ def _rows_table(of: MeasuredRows) -> OutputTable:
     mark = table.note_mark("± one standard deviation; the error ± k times its uncertainty")
     table.columns[0] += mark
     if rows > _MOST_ROWS:
-        table.note_mark(f"{count_text(rows - _MOST_ROWS, 'more row')} in the archive and in JSON")
+        more = count_text(rows - _MOST_ROWS, "more row")
+        table.title += table.note_mark(f"the archive and JSON have {more}")
     return table
 
 

@@ -114,7 +114,7 @@ def _cdf(view: ArchiveView, output: str, curves: list[Curve]) -> Chart:
         cells = [number_text(curve.values[rank]), f"{estimate:.4f}", ends]
         table.rows.append((percent_text(round(rank / (curve.values.size - 1), 6)), cells))
     if not curve.has_band:
-        table.note_mark(f"no band: {curve.note}")
+        table.columns[-1] += table.note_mark(f"no band: {curve.note}")
     chart = replace(cdf_chart(view, output, curves), tables=(table,))
     if len(curves) > 1:
         return chart
