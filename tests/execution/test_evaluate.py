@@ -1,6 +1,7 @@
 """Every run ends with a status and a reason, and how runs are batched changes nothing."""
 
 from fractions import Fraction
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,7 +10,14 @@ import xarray as xr
 from uqpen.core.model import POSITIVE, Category, Input, Model, Output, Results
 from uqpen.core.status import Status
 from uqpen.distributions.constraints import parse_constraint
-from uqpen.execution import EvaluationOptions, Evaluator, Progress, evaluate, join_rounds
+from uqpen.execution import (
+    EvaluationOptions,
+    Evaluator,
+    Progress,
+    batching,
+    evaluate,
+    join_rounds,
+)
 from uqpen.models.python_function import PythonFunction
 
 INPUTS = (Input("x", "m", bounds=POSITIVE), Input("y", "m"))
@@ -296,6 +304,17 @@ def test_batches_of_a_model_that_is_the_same_in_any_grow_with_the_runs():
     points = xr.Dataset({"x": ("run", np.linspace(1, 2, 40_000))})
     evaluate(Evaluator(Sized()), points.assign_coords(run=np.arange(40_000)), {})
     assert set(sizes) == {2_500}
+
+
+@pytest.mark.parametrize(("seconds", "size"), [(4.0, 1), (0.125, 4), (2.0**-20, 1024)])
+def test_as_many_runs_are_sent_at_once_as_take_the_intended_time(monkeypatch, seconds, size):
+    instants = iter([0.0, seconds])
+    monkeypatch.setattr(batching, "time", SimpleNamespace(monotonic=lambda: next(instants)))
+    pace = batching.Pace(worth_sending=0.5)
+    for _ in range(2):
+        assert pace.size == 1, "nothing is known of the first two"
+        pace.record(1)
+    assert pace.size == size
 
 
 def test_progress_counts_every_run_once():
