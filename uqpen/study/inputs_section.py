@@ -810,14 +810,16 @@ def _add_wrong_keys(table: TableReader, families: list[str]) -> None:
             table.add_problem(key, "an unknown key", choices(key, _LIMITS))
         return
     expected = f"one distribution of {', '.join(_FAMILIES)}"
+    found = " and ".join(families) or "no distribution"
     if table.content and not families:
-        expected = f"a distribution beside them, or {{ {INTERVAL} = [lower, upper] }}"
+        found = f"{' and '.join(table)} without a distribution"
+        expected = f"{expected}; or {{ {INTERVAL} = [lower, upper] }}"
     for key in _NAMING:
         named = table.content.get(key)
         if isinstance(named, str) and (family := nearest(named, _FAMILIES)):
             others = (f"{each} = …" for each in families if each != key)
             expected = f"{{ {family} = {{ {', '.join(others)} }} }}"
-    table.add_problem((), " and ".join(families) or "no distribution", expected)
+    table.add_problem((), found, expected)
 
 
 def _read_distribution(table: TableReader, variable: Input, family: str) -> RandomInput | None:
