@@ -99,7 +99,7 @@ def reweight(
         If the archive is not finished, or its runs are no independent draws.
     """
     archive, asked = Path(archive), as_study(study, {})
-    unfinished = archive.with_name(f"{archive.name}.parts")
+    unfinished = archive.parent / f"{archive.name}.parts"
     if not archive.exists() and unfinished.is_dir():
         raise ArchiveError(
             f"{archive}: is not finished, and a part of the runs of a design is no sample of its "

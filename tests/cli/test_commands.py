@@ -510,3 +510,12 @@ def test_a_misspelt_command_is_reported_with_the_nearest_one(command_line):
     assert outcome.code == 2
     assert "Did you mean 'study'?" in outcome.err
     assert "Did you mean" not in command_line("xyz").err
+
+
+@pytest.mark.parametrize(
+    "arguments", ["report .", "report . .", "rerun .", "reweight . small.toml"]
+)
+def test_a_folder_in_place_of_an_archive_is_named(uqpen, arguments):
+    outcome = uqpen(*arguments.split())
+    assert outcome.code == 2
+    assert outcome.err.endswith(".: is not an archive of uqpen's: it is not a file\n")

@@ -40,7 +40,7 @@ def reweight(
         from uqpen.cli.show import announce_report
         from uqpen.reweighting import reweight as reweight_runs
 
-        target = target or archive.with_name(f"{file.stem}_reweighted.nc")
+        target = target or archive.parent / f"{file.stem}_reweighted.nc"
         found = reweight_runs(archive, file, target, folder=folder, trust=trust)
     if everything:
         show_tables(found)

@@ -135,7 +135,7 @@ def report(
     else:
         from uqpen.cli.progress import show_step
 
-        path = file or archive.with_name(f"{_stem(archive)}_{_stem(other)}.html")
+        path = file or archive.parent / f"{_stem(archive)}_{_stem(other)}.html"
         with show_step("writing the report"):
             from uqpen.archive.read import open_archive
             from uqpen.report.revisions.revision_page import write_revision_report
@@ -164,7 +164,7 @@ def write_and_announce(
     """
     from uqpen.cli.progress import show_step
 
-    path = file or archive.with_name(f"{_stem(archive)}.html")
+    path = file or archive.parent / f"{_stem(archive)}.html"
     with show_step("writing the report"):
         with loading():
             from uqpen.archive.read import open_archive

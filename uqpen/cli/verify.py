@@ -109,7 +109,7 @@ def rerun(
 
     # Where the user stands now: a model may go elsewhere once it is loaded.
     here = Path.cwd()
-    copy = copy or archive.with_name(f"{archive.stem}_rerun.nc")
+    copy = copy or archive.parent / f"{archive.stem}_rerun.nc"
     # Shown before the imports, which take longer than the reading.
     with show_step("reading the archive"), loading():
         from uqpen.archive.read import open_archive
