@@ -119,3 +119,6 @@ def test_the_command_shows_it_as_text_and_as_json(archive):
     content = json.loads(found.output)
     assert content["fitting"] == ["wide"]
     assert content["stated"]["is_rejected"]
+    path = str(archive(response="45.5 %"))
+    shown = CliRunner().invoke(command, [path, "--trust", "-q"], standalone_mode=False)
+    assert "Most agree, 1, by wide; by chance 0.088 readings" in " ".join(shown.output.split())
