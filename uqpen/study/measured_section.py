@@ -352,7 +352,10 @@ def _read_file(
         section.add_problem("file", "file beside table", "one of both")
     try:
         if key == "table":
-            columns = columns_of_table(section.take(key), blanks=True)
+            inside = section.table(key)
+            if not inside.is_given:
+                return None
+            columns = columns_of_table(inside.content, blanks=True)
         else:
             written = section.text(key, 'the name of a file, such as "shots.csv"')
             if written is None:
@@ -364,6 +367,9 @@ def _read_file(
         if len(by_name) < len(columns):
             raise TableError("two of its columns have the same name")
         rows = max((len(_entries(column)) for column in columns), default=0)
+        if not rows:
+            for column in columns:
+                column.load()  # an error if what it has is no number
     except (TableError, QuantityError) as error:
         section.add_problem(key, str(error), "rows of measurements under headings name [unit]")
         return None
