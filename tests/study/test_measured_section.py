@@ -51,7 +51,11 @@ TABLE = "x = [0, 1, 2, 3]\ny = [1.1, 2.9, 5.2, 6.8]"
         ("std = 0.2", 'std = 0.2\nshared = { std = 1, group = "rg" }',
          'shared.group: found "rg"; expected a column'),
         ("std = 0.2", 'covariance = "none.csv"', "y.covariance: found there is no file"),
-        ("std = 0.2", "std = 0.2\nstdd = 3", "y.stdd: found an unknown key"),
+        ("std = 0.2", "std = 0.2\nstdd = 3", "y.stdd: found an unknown key; "
+         'expected did you mean "std"? known: std, shared, correlation, covariance, discrepancy, '
+         "column, at_least, at_most"),
+        ("std = 0.2", 'std = 0.2\nshared = { std = 1, grup = "x" }',
+         'shared.grup: found an unknown key; expected did you mean "group"? known: std, group'),
         ("std = 0.2", 'std = 0.2\ndiscrepancy = { along = "z" }',
          'discrepancy.along: found "z"; expected a condition or a dimension of y: x'),
         ("std = 0.2", 'std = 0.2\ndiscrepancy = { along = "x" }',
@@ -70,7 +74,7 @@ TABLE = "x = [0, 1, 2, 3]\ny = [1.1, 2.9, 5.2, 6.8]"
          "found x 7 1 in row 4; expected places from 0 to 5"),
         ("x = [0, 1, 2, 3]", "x = [0, 1, 2]", "line.table: found its columns differ in length"),
         ("[measured.line.y]", "[measured.line.z]",
-         "line.z: found an unknown key, nor an output of the model,; expected known: y, source, "
+         "line.z: found an unknown key or output of the model; expected known: y, source, "
          "experiment, file, table, conditions, unknown"),
         ("[measured.line.y]", "[measured.line.z]",
          "measured.line: found no output; expected a table [measured.line.<output>]; outputs: y"),

@@ -46,6 +46,8 @@ _REPEATS = "repeats"
 # The key with the column that tells experiments of equal conditions apart.
 _EXPERIMENT = "experiment"
 _HOLD_OUT = "hold_out"
+# Keys with the column that marks the entries that are bounds.
+_BOUNDS = {"at_least": AT_LEAST, "at_most": AT_MOST}
 _NO_COLUMN = Column("", DIMENSIONLESS, lambda: np.empty(0))
 
 _STD = (
@@ -96,8 +98,7 @@ def read_measured(table: TableReader, model: Model | None) -> dict[str, Measured
 def _read_section(name: str, section: TableReader, model: Model) -> MeasuredOutputs | None:
     """Read the keys of a section, its rows, and each output there; None for a mistake."""
     outputs = {each.name: each for each in model.all_outputs}
-    for key in (*outputs, "source", _EXPERIMENT, "file", "table"):
-        section.take(key)  # all of them are known, whether they are there or not
+    section.know(*outputs, "source", _EXPERIMENT, "file", "table")
     tables = {
         key: inside for key in section if key in outputs and (inside := section.table(key)).is_given
     }
@@ -108,7 +109,7 @@ def _read_section(name: str, section: TableReader, model: Model) -> MeasuredOutp
     label = section.text(_EXPERIMENT, expected) if _EXPERIMENT in section else ""
     labels = section.entries(_HOLD_OUT)
     read = _read_file(section, tables, label or "", [str(each) for each in labels])
-    section.check_unknown_keys("key, nor an output of the model,")
+    section.check_unknown_keys("key or output of the model")
     inputs = {variable.name: variable for variable in model.inputs}
     given = read[0].columns.keys() - {label} if read else ()
     are_inputs = _check_inputs(section, {"conditions": [*conditions], **roles}, model, given)
@@ -447,6 +448,7 @@ def _read_output(
 ) -> MeasuredOutput | None:
     """Read the measurements of one output; None where a mistake was noted."""
     noted = len(table.problems)
+    table.know("std", "shared", "correlation", "covariance", "discrepancy", "column", *_BOUNDS)
     name = table.text("column", "the name of a column") if "column" in table else output.name
     if output.categories or output.may_end or output.absent:
         expected = "an output that each run has, a number or a field of numbers"
@@ -461,7 +463,7 @@ def _read_output(
             return None
     values = rows.values(name, output.unit)
     censoring = np.zeros(rows.rows, dtype=np.int64)
-    for key, kind in (("at_least", AT_LEAST), ("at_most", AT_MOST)):
+    for key, kind in _BOUNDS.items():
         flags = _flags(table, key, rows) if key in table else np.zeros(rows.rows)
         censoring[flags == 1] = kind
     if values is None or len(table.problems) > noted:
@@ -610,6 +612,7 @@ def _read_shared(
     elif group:
         inside.add_wrong("group", group, f"a column; {table.suggest(group, rows.columns)}")
     written = inside.take("std")
+    inside.know("group")
     inside.check_unknown_keys()
     if written is None:
         inside.add_missing("std", _STD)

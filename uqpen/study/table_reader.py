@@ -80,6 +80,10 @@ class TableReader:
         self._known[key] = None
         return self.content.get(key)
 
+    def know(self, *keys: str) -> None:
+        """Count keys as known, whether they are there or not."""
+        self._known.update(dict.fromkeys(keys))
+
     def check_unknown_keys(self, what: str = "key") -> None:
         """Note every key that nobody knew."""
         for key in self.content:
