@@ -13,6 +13,7 @@ from uqpen.core.arrays import BoolArray, FloatArray, IntArray
 from uqpen.core.columns import Column, columns_of_table, read_columns
 from uqpen.core.errors import QuantityError, TableError, counted, toml_text
 from uqpen.core.files import FileSnapshot
+from uqpen.core.lookup import nearest
 from uqpen.core.model import Input, Model
 from uqpen.core.quantities import parse_quantity
 from uqpen.core.units import DIMENSIONLESS, describe, scale
@@ -559,6 +560,8 @@ def _flags(table: TableReader, key: str, rows: _Table) -> FloatArray:
     name = table.text(key, expected)
     if name is None:
         return np.zeros(rows.rows)
+    if name not in rows.columns:
+        expected = f"{expected}; {table.suggest(name, rows.columns)}"
     found = rows.values(name, DIMENSIONLESS) if name in rows.columns else None
     if found is None or not np.isin(found[~np.isnan(found)], (0, 1)).all():
         table.add_wrong(key, name, expected)
@@ -631,7 +634,7 @@ def _std_parts(
     Parts of a list add in squares.
     """
     absolute, share = np.zeros(len(kept)), np.zeros(len(kept))
-    for each in written if isinstance(written, list) else [written]:
+    for each in written if isinstance(written, list) and written else [written]:
         text = each.strip() if isinstance(each, str) else ""
         if text in rows.columns:
             found = rows.values(text, output.unit, difference=True)
@@ -646,7 +649,10 @@ def _std_parts(
         elif text.endswith("%") and (part := _difference(table, key, text, DIMENSIONLESS, _STD)):
             share = share + part**2
         elif not text.endswith("%"):
-            part = _difference(table, key, each, output.unit, f"{_STD}; in {describe(output.unit)}")
+            expected = f"{_STD}; in {describe(output.unit)}"
+            if close := nearest(text, rows.columns):
+                expected = f'did you mean the column "{close}"? or {expected}'
+            part = _difference(table, key, each, output.unit, expected)
             if part is None:
                 return None
             absolute = absolute + part**2
@@ -711,9 +717,10 @@ def _pooled(
 
 def _covariance_file(table: TableReader, output: Output, rows: int) -> FloatArray | None:
     """Return the covariance of an output's rows from a file; None where a mistake was noted."""
+    squared = DIMENSIONLESS if output.unit == DIMENSIONLESS else f"({output.unit})^2"
     expected = (
         f"a file of {counted(rows, 'column')} with {counted(rows, 'row')}, headed 1 to {rows} with "
-        f"the square of a unit of {describe(output.unit)}, such as 1 [{output.unit}^2]"
+        f"the square of their unit, such as 1 [{squared}]"
     )
     for key in ("std", "shared"):
         if table.take(key) is not None:
@@ -722,10 +729,9 @@ def _covariance_file(table: TableReader, output: Output, rows: int) -> FloatArra
     name = table.text("covariance", expected)
     if name is None:
         return None
-    unit = DIMENSIONLESS if output.unit == DIMENSIONLESS else f"({output.unit})^2"
     try:
         columns = read_columns(table.folder / name).columns
-        matrix = np.array([each.values(unit) for each in columns])
+        matrix = np.array([each.values(squared) for each in columns])
     except (TableError, QuantityError) as error:
         table.add_problem("covariance", str(error), expected)
         return None
