@@ -176,9 +176,9 @@ class TestPipe:
         assert shown.getvalue().splitlines() == ["warning: early"]
         progress.start_design("one", 1)
         progress.warn("late")
-        progress.finish()
+        progress.start_analysis()
         progress.show_warnings()
-        assert shown.getvalue().splitlines()[2:] == ["warning: late"]
+        assert shown.getvalue().splitlines()[2:] == ["analysing the runs", "warning: late"]
 
     def test_a_large_design_has_a_line_before_its_first_points_are_drawn(self, lines):
         progress, _, shown = lines

@@ -32,15 +32,9 @@ _BETWEEN_LINES = 10.0
 def show_progress() -> Iterator[Progress]:
     """Show a bar over all designs on a terminal, a few lines elsewhere; if quiet, warnings."""
     console = Console(stderr=True, highlight=False)
-    if is_quiet():
-        warnings = _Warnings(console)
-        yield warnings
-        warnings.show_warnings()
-        return
-    if not console.is_terminal:
-        lines = _Lines(console)
+    if is_quiet() or not console.is_terminal:
+        lines = _Warnings(console) if is_quiet() else _Lines(console)
         yield lines
-        lines.finish()
         lines.show_warnings()
         return
     bar = _Announced(console)
@@ -172,7 +166,7 @@ class _Lines(_Announced):
         self._began = 0.0
 
     def start_step(self, name: str, number: int = 0, total: int = 0) -> None:
-        self.finish()
+        self._end_design()
         super().start_step(name, number, total)
         self._say_if_late(step_text(self.state))
 
@@ -181,7 +175,7 @@ class _Lines(_Announced):
         self._print(self.state.step)
 
     def start_design(self, name: str, runs: int) -> None:
-        self.finish()
+        self._end_design()
         super().start_design(name, runs)
         self._design, self._made, self._began = name, 0, self._clock()
         if runs > RUNS_IN_MEMORY:  # to draw the first of so many points can take a while
@@ -192,7 +186,7 @@ class _Lines(_Announced):
         self._made += runs
         self._say_if_late(f"{step_text(self.state)}; {runs_text(self.state)}")
 
-    def finish(self) -> None:
+    def _end_design(self) -> None:
         """Show the end of the last design."""
         self._show_reused()
         if self._design:
