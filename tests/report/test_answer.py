@@ -140,6 +140,7 @@ def test_a_single_run_is_reported_in_the_singular(study_of):
     reported = _reported_of_sum(study_of, text)
     assert reported[1].endswith("in the study: a single run of the model line.py:f.")
     assert "Did all runs succeed?: The only run completed." in reported
+    assert "Events rarer" not in reported[-1]
 
 
 def test_an_output_that_is_the_same_in_all_runs_has_no_interval_to_read(study_of):

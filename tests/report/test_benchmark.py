@@ -101,7 +101,10 @@ class TestAnswer:
         lead = traced(chart, "latin_hypercube")
         first = lead["y"].index(0)
         assert (lead["x"][first], lead["marker"]["symbol"][first]) == (0, "square")
-        assert 0 not in traced(chart, "monte_carlo")["y"]
+        level = traced(chart, "monte_carlo")
+        assert 0 not in level["y"]
+        sides = [each["x"][each["y"].index(1)] for each in (lead, level)]
+        assert sides[0] == -sides[1] < 0, "side by side"
 
     @pytest.mark.parametrize(
         ("most", "said"),
