@@ -6,7 +6,7 @@ import pytest
 import uqpen
 from uqpen.charts.histograms import histogram
 from uqpen.core.errors import StudyError
-from uqpen.report.blocks import Alerts, Findings, find_charts, flattened
+from uqpen.report.blocks import Alerts, Findings, find_charts, find_explorers, flattened
 from uqpen.report.plotly import shapes, traces
 from uqpen.report.sections.answer import answer
 from uqpen.report.sections.outputs import distributions, scatter, sensitivity
@@ -59,6 +59,13 @@ class TestCharts:
             assert axis.ends is not None
             assert np.isfinite(axis.ends).all()
         assert 10 ** across[0].ends[0] < np.min(view.tree["runs/mc"]["y"].values)
+
+    @pytest.mark.parametrize("name", ["tenfolds", "tenfolds_linear"])
+    def test_only_such_an_output_is_so_among_all_inputs_and_outputs(self, name, request):
+        view = ArchiveView(request.getfixturevalue(name), "")
+        (explorer,) = find_explorers(scatter(view))
+        found = [each.quantity.name for each in explorer.columns if each.is_logarithmic]
+        assert found == ["y"] * (name == "tenfolds")
 
     def test_no_run_is_dropped_from_the_bins(self, view):
         (bars,) = traces(histogram(view, "y", "mc").marks)
