@@ -155,6 +155,7 @@ def test_to_declare_noise_keeps_the_runs(tmp_path):
     [
         ({"function": "noisy", "repeats": 2}, r"expected +noise = true in \[model\]"),
         ({"function": "noisy", "model": 'seed = "k"'}, "expected +an input of the model"),
+        ({"function": "noisy", "model": "seed = []"}, "expected +an input of the model"),
         ({**SEEDED, "model": 'seed = "k"\nnoise = false'}, "expected +noise = true"),
         ({**NOISY, "more": "\n[failures]\nretry = 2"}, "draws from another distribution"),
     ],

@@ -80,6 +80,8 @@ TABLE = "x = [0, 1, 2, 3]\ny = [1.1, 2.9, 5.2, 6.8]"
          "fit.measured: found a discrepancy, which takes up whatever the unknowns do not"),
         ("x = [0, 1, 2, 3]", "x = [0, 1, 2, 7]",
          "found x 7 1 in row 4; expected places from 0 to 5"),
+        ("x = [0, 1, 2, 3]", f"x = [0, 1, 2, {10**25}]",
+         "found x 1e+25 1 in row 4; expected places from 0 to 5"),
         ("x = [0, 1, 2, 3]", "x = [0, 1, 2]", "line.table: found its columns differ in length"),
         ("[measured.line.y]", "[measured.line.z]",
          "line.z: found an unknown key or output of the model; expected known: y, source, "

@@ -193,7 +193,7 @@ def _listed(values: list[Any], name: str, blanks: bool) -> FloatArray:
     for value in kept:
         if not isinstance(value, int | float) or not is_finite_number(value):
             raise TableError(f'column "{name}": found {toml_text(value)}, expected a number')
-    return np.array([math.nan if value == "" else value for value in values])
+    return floats([math.nan if value == "" else value for value in values])
 
 
 def _csv(path: Path, content: bytes) -> Iterator[tuple[int, list[str]]]:

@@ -216,7 +216,7 @@ class _NoiseTable:
                 "run a call draws from generators that can be set before each run"
             )
             self._table.add_wrong(_SEED, self._seed, expected)
-        elif self._seed != _GLOBAL and self._seed not in inputs:
+        elif self._seed != _GLOBAL and self._seed not in list(inputs):
             expected = (
                 f'an input of the model that takes the seed, or "{_GLOBAL}"; '
                 f"{self._table.suggest(str(self._seed), list(inputs))}"
