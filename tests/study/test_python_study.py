@@ -359,7 +359,11 @@ class TestOtherLibraries:
         ("table", "found", "expected"),
         [
             ({"name": "gausian", "loc": 1}, '"gausian"', "a distribution of"),
-            ({"name": "gamma", "b": 1, "unit": "m"}, "b 1: ", "parameters of gamma"),
+            (
+                {"name": "gamma", "b": 1, "unit": "m"},
+                "b 1: it takes a, loc, scale",
+                "parameters of",
+            ),
             ({"name": "gamma", "a": -1, "unit": "m"}, "a -1: it is not defined", "parameters of"),
             ({"name": "norm", "loc": "2 m", "unit": "m"}, '"2 m"', "a number, in the unit"),
             ({"name": "norm", "unit": "kg"}, "kg", "a length, such as"),

@@ -130,10 +130,14 @@ def frozen_distribution(
         raise LookupError(name)
     try:
         frozen = family(**parameters)
-        median = float(np.ravel(frozen.ppf(0.5) if library == "scipy" else frozen.inv(0.5))[0])
+        quantile = frozen.ppf if library == "scipy" else frozen.inv
+        quartiles = np.ravel(quantile(np.array([0.25, 0.5, 0.75])))
+    except TypeError:
+        taken = ", ".join(_parameter_names(library, family))
+        raise ValueError(f"it takes {taken}") from None
     except Exception as error:  # a library can raise anything about parameters
         raise ValueError(str(error) or type(error).__name__) from None
-    if not np.isfinite(median):
+    if not np.isfinite(quartiles).all() or (np.diff(quartiles) < 0).any():
         raise ValueError("it is not defined for these parameters")
     return FrozenDistribution(frozen, unit)
 
@@ -162,8 +166,7 @@ def declare(frozen: Any) -> tuple[str, dict[str, Any]] | None:
     """
     dist = getattr(frozen, "dist", None)
     if dist is not None and hasattr(frozen, "kwds"):
-        ends = ["loc", "scale"] if hasattr(dist, "pdf") else ["loc"]
-        names = [*(dist.shapes.split(", ") if dist.shapes else []), *ends]
+        names = _parameter_names("scipy", dist)
         library, name = "scipy", dist.name
         parameters = {**dict(zip(names, frozen.args, strict=False)), **frozen.kwds}
     else:
@@ -182,6 +185,14 @@ def declare(frozen: Any) -> tuple[str, dict[str, Any]] | None:
     except (LookupError, TypeError, ValueError, SettingsError, ImportError):
         return None
     return (library, {"name": name, **values}) if same else None
+
+
+def _parameter_names(library: str, family: Any) -> list[str]:
+    """Return the names of a distribution's parameters."""
+    if library != "scipy":
+        return [*inspect.signature(family).parameters]
+    ends = ["loc", "scale"] if hasattr(family, "pdf") else ["loc"]
+    return [*(family.shapes.split(", ") if family.shapes else []), *ends]
 
 
 def _is_family(library: str, module: Any, family: Any) -> bool:
