@@ -74,6 +74,12 @@ class TestTexts:
         assert {"0.01", "0.1", "1"} <= marked
         assert not any(each.get_parse_math() for each in axes.findobj(Text))
 
+    def test_beside_names_there_is_room_for_few_numbers(self):
+        axes = Figure().add_subplot()
+        chart = Chart("", "", Axis("x", (0.0, 1.0)), Axis("", rows=("a", "b")), ())
+        chart_panel(chart, str).draw_on_axes(axes)
+        assert axes.get_xticks().tolist() == [0, 0.25, 0.5, 0.75, 1]
+
     def test_powers_of_units_are_raised(self):
         assert typeset_unit("W m-2 K-1") == "W m⁻² K⁻¹"
         assert typeset_unit("g/cm^3") == "g/cm³"
