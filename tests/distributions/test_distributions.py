@@ -16,11 +16,7 @@ from uqpen.core.errors import SettingsError
 from uqpen.core.lookup import resolve
 from uqpen.designs.rare_events.subset_simulation import SubsetSimulation
 from uqpen.distributions import DISTRIBUTIONS
-from uqpen.distributions.frozen import (
-    FrozenDistribution,
-    frozen_distribution,
-    frozen_families,
-)
+from uqpen.distributions.frozen import FrozenDistribution, frozen_families
 from uqpen.distributions.orthogonal_polynomials import recurrence
 from uqpen.distributions.univariate import (
     Arcsine,
@@ -286,11 +282,6 @@ class TestUpperTailsOfChaospy:
         (problem,) = design.check_inputs(joint)
         assert "upper tail is known down to 1e-08 only" in problem.found
         assert not list(design.check_inputs(example_joint_distribution()))
-
-
-def test_quantiles_that_descend_make_no_distribution():
-    with pytest.raises(ValueError, match="it is not defined for these parameters"):
-        frozen_distribution("chaospy", "Normal", {"mu": 1, "sigma": -1}, "1")
 
 
 def test_names_of_chaospy_are_those_of_single_continuous_distributions():
