@@ -310,7 +310,7 @@ class TestCommand:
     @pytest.mark.parametrize(
         ("arguments", "message"),
         [
-            (["ishigamy"], 'no model "ishigamy"; did you mean "ishigami"?'),
+            (["ishigamy"], 'no built-in model "ishigamy"; did you mean "ishigami"?'),
             (["ishigami", "--inputs", "x1"], "ishigami also needs x2, x3"),
             (["ishigami", "--inputs", "x1,x2,x4"], 'ishigami has no input "x4"'),
             (["none.toml"], "none.toml: cannot be read: No such file or directory"),

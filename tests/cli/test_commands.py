@@ -308,6 +308,10 @@ class TestRun:
         assert done.code == 2
         assert complaint in done.err
 
+    def test_a_name_of_something_else_is_no_built_in_model(self, uqpen):
+        said = uqpen("run", "beam.py:bend").err
+        assert said.startswith('no built-in model "beam.py:bend"; known: walker-anderson, ')
+
     def test_missing_inputs_are_reported_with_their_units(self, uqpen):
         done = uqpen("run", "rigid-penetration")
         assert done.code == 2

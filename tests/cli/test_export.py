@@ -126,6 +126,9 @@ def test_options_that_do_not_fit_are_refused(archive, arguments, message):
 
 @pytest.mark.slow
 def test_a_shell_is_answered(command_line):
+    assert command_line("completion").err.endswith(
+        "Missing argument '{bash|zsh|fish}'. Choose from:\n  bash,\n  zsh,\n  fish\n"
+    )
     script = command_line("completion", "bash").out
     assert "_UQPEN_COMPLETE=bash_complete" in script
     asked = {"_UQPEN_COMPLETE": "bash_complete", "COMP_WORDS": "uqpen exp", "COMP_CWORD": "1"}

@@ -98,7 +98,7 @@ def test_a_precision_that_makes_no_sense_is_reported_before_any_run(tmp_path, un
 def test_a_precision_must_be_asked_for(tmp_path):
     done = _plan(tmp_path, study=STUDY.replace("until =", "#").replace("at_most =", "runs ="))
     assert done.exit_code == 2
-    assert "no design of the study has until" in done.output
+    assert "no design of the study has until; expected --until '{ " in done.output
 
 
 @pytest.fixture

@@ -93,7 +93,7 @@ def _run(arguments: list[str]) -> int:
     except click.ClickException as error:
         shown = io.StringIO()
         error.show(file=shown)
-        show_message(shown.getvalue().rstrip())
+        show_message(shown.getvalue().rstrip().expandtabs(2))
         return ExitCode.MISTAKE
     except UqpenError as error:
         show_message(str(error))

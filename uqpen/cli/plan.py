@@ -91,7 +91,7 @@ def _rule(study: ValidatedStudy, written: str | None) -> Precision:
         rules = (getattr(design, "until", None) for design in study.designs.values())
         rule = next((each for each in rules if isinstance(each, Precision)), None)
         if rule is None:
-            message = f"no design of the study has until, expected --until '{EXAMPLE}'"
+            message = f"no design of the study has until; expected --until '{EXAMPLE}'"
             raise click.UsageError(message)
         return rule
     return read_precision(written, study)

@@ -46,7 +46,7 @@ def run(model: str, given: tuple[str, ...], folder: Path | None, trust: bool) ->
         _run_surrogate(*archive, given, folder, trust=trust)
         return
     if not model.endswith(".toml"):
-        built_in: Model = resolve_name(MODELS, model, "model")()
+        built_in: Model = resolve_name(MODELS, model, "built-in model")()
         defaults = {each.name: each.default for each in built_in.inputs if each.default is not None}
         inputs = {**defaults, **_parse_inputs(built_in.name, built_in.inputs, given)}
         _show_run(built_in, inputs, (), {})

@@ -157,7 +157,7 @@ def make_offers(
         return list(_archive_offers(*archive, named, folder, trust=trust))
     if model.endswith(".toml"):
         return list(_study_offers(Path(model), named))
-    built_in: Model = resolve_name(MODELS, model, "model")()
+    built_in: Model = resolve_name(MODELS, model, "built-in model")()
     needed = set(built_in.missing_inputs(()))
     varied = [variable.name for variable in built_in.inputs if variable.name in needed]
     defaults = {v.name: v.default for v in built_in.inputs if v.default is not None}
