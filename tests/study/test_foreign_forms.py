@@ -30,6 +30,8 @@ WORDS = {
         "sobol_indices": "saltelli",
         "grid": "full-factorial",
         "OAT": "one-at-a-time",
+        "mcmc": "posterior",
+        "calibration": "posterior",
         "FORM": "form",
     },
     ("surrogates", "s", "kind"): {
@@ -42,7 +44,7 @@ WORDS = {
     ("inputs", "x"): {"gaussian": "normal", "norm": "normal"},
     ("designs", "d"): {"samples": "runs", "n": "runs", "size": "runs"},
     ("outputs", "z"): {"limit": "exceeds", "percentiles": "quantiles", "less_than": "below"},
-    (): {"parameters": "inputs", "correlation": "dependence"},
+    (): {"parameters": "inputs", "correlation": "dependence", "calibration": "measured"},
 }
 CASES = [(path, word, here) for path, words in WORDS.items() for word, here in words.items()]
 

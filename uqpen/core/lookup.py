@@ -58,6 +58,10 @@ _SYNONYMS = {
     "sampling sampler samplers experiments method": ("designs",),
     "metamodel metamodels emulator emulators": ("surrogates",),
     "solver simulator code": ("model",),
+    "calibration calibrations inversion": ("measured", "posterior"),
+    "observations observed measurements": ("measured",),
+    "bayes bayesian mcmc": ("posterior",),
+    "lsq nls curve-fit": ("least-squares",),
 }
 
 
