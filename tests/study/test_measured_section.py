@@ -142,6 +142,12 @@ def test_a_column_of_an_input_is_not_passed_over(tmp_path):
 def test_one_mistake_in_the_measurements_is_one_message(tmp_path):
     assert len(refused(tmp_path, LINE.replace("std = 0.2", "std = 0"))) == 1
     assert len(refused(tmp_path, LINE.replace("line.py:line", "line.py:lin"))) == 1
+    for more in ("shared = 1", "discrepancy = 1"):
+        assert len(refused(tmp_path, LINE.replace("std = 0.2", f"std = 0.2\n{more}"))) == 1
+    with_column = LINE.replace(TABLE, f"{TABLE}\nb = [1, 1, 2, 2]").replace('["a", "b"]', '["a"]')
+    for more in ('conditions = "b"', 'condition = ["b"]'):
+        text = with_column.replace('unknown = ["a"]', f'unknown = ["a"]\n{more}')
+        assert len(refused(tmp_path, text)) == 1
 
 
 def test_each_input_is_listed_with_its_role(tmp_path):

@@ -104,6 +104,7 @@ def _read_section(name: str, section: TableReader, model: Model) -> MeasuredOutp
         key: inside for key in section if key in outputs and (inside := section.table(key)).is_given
     }
     source = section.text("source", "where they come from") if "source" in section else ""
+    noted = len(section.problems)
     conditions = _conditions(section)
     roles = {role: _names(section, role) for role in ("unknown", "varies", "fixed")}
     expected = "a column that names the experiment of each row"
@@ -112,7 +113,9 @@ def _read_section(name: str, section: TableReader, model: Model) -> MeasuredOutp
     read = _read_file(section, tables, label or "", [str(each) for each in labels])
     section.check_unknown_keys("key or output of the model")
     inputs = {variable.name: variable for variable in model.inputs}
-    given = read[0].columns.keys() - {label} if read else ()
+    # A wrong entry or an unknown key may mean a column.
+    is_right = len(section.problems) == noted
+    given = read[0].columns.keys() - {label} if read and is_right else ()
     are_inputs = _check_inputs(section, {"conditions": [*conditions], **roles}, model, given)
     if read is None or not are_inputs:
         return None
@@ -506,6 +509,8 @@ def _read_discrepancy(
     if "discrepancy" not in table:
         return None
     inside, noted = table.table("discrepancy"), len(table.problems)
+    if not inside.is_given:
+        return None
     units = {each.name: each.unit for each in output.dims}
     units |= {name: each.unit for name, each in conditions.items()}
     expected = f"a condition or a dimension of {output.name}: {', '.join(units) or 'it has none'}"
@@ -608,6 +613,8 @@ def _read_shared(
     if "shared" not in table:
         return {}
     inside = table.table("shared")
+    if not inside.is_given:
+        return {}
     group = inside.text("group", "a column") if "group" in inside else ""
     numbers = np.zeros(len(kept), dtype=np.int64)
     if group and group in rows.columns:
