@@ -135,6 +135,12 @@ def test_to_check_inputs_of_any_kind_loads_no_other_statistics(tmp_path):
     assert packages.isdisjoint({"scipy.stats", "chaospy"}), packages
 
 
+def test_functions_of_the_library_load_no_distributions_of_scipy():
+    text = "import sys, uqpen; uqpen.run, uqpen.verify; print('scipy.stats' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=True)
+    assert done.stdout == "False\n"
+
+
 def test_a_study_of_the_rod_loads_numba_and_compiles_nothing_twice(tmp_path):
     (tmp_path / "study.toml").write_text(ROD, encoding="utf-8")
     uqpen.run(uqpen.load_study(tmp_path / "study.toml"))  # compiles it where nothing has done so

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.special
-import scipy.stats
 import xarray as xr
 
 from uqpen.core.arrays import BoolArray, FloatArray
@@ -16,6 +15,7 @@ from uqpen.core.labels import STATUS
 from uqpen.core.model import Output
 from uqpen.core.status import BY_MACHINE, Status
 from uqpen.results.digits import count_text
+from uqpen.statistics.input_columns import Ordering
 from uqpen.verification.check_result import CheckOutcome, CheckResult
 
 # Honest archives of which one is called unlikely: 1 in 1000.
@@ -100,7 +100,7 @@ class RunPairs:
 
     def _scores(self, before: FloatArray, now: FloatArray) -> Iterator[FloatArray]:
         """Yield the differences of normal scores among both, and of their squares."""
-        ranks = scipy.stats.rankdata(np.concatenate([before, now]))
+        ranks = Ordering.of(np.concatenate([before, now])).mean_ranks
         one, other = np.split(scipy.special.ndtri(ranks / (len(ranks) + 1)), 2)
         if len(before):
             deviation = math.sqrt(float(((other - one) ** 2).mean()))
