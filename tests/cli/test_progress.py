@@ -153,19 +153,19 @@ class TestPipe:
 
     def test_a_design_has_a_line_at_its_end(self, lines):
         progress, time, shown = lines
-        progress.announce_designs({"one": 10, "two": 10})
+        progress.announce_designs({"one": 10, "two": 1})
         progress.start_step("reading the study")
         progress.start_design("one", 10)
         for _ in range(10):
             time[0] += 0.1
             progress.advance(1, 0, 1)
-        progress.start_design("two", 10)
-        progress.advance(10, 0, 0)
+        progress.start_design("two", 1)
+        progress.advance(1, 0, 0)
         progress.start_analysis()
         progress.start_step("statistics of one", 1, 2)
         assert shown.getvalue().splitlines() == [
             "one: 10 runs in 1.00 s",
-            "two: 10 runs in 0.00 s",
+            "two: 1 run in 0.00 s",
             "analysing the runs",
         ]
 

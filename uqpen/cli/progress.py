@@ -16,6 +16,7 @@ from rich.text import Text
 
 from uqpen.cli.messages import printable, wrapped_message
 from uqpen.cli.options import is_quiet
+from uqpen.core.errors import counted
 from uqpen.core.limits import RUNS_IN_MEMORY
 from uqpen.core.progress import Progress, ProgressRecord, StudyProgress
 from uqpen.results.digits import grouped_number
@@ -191,7 +192,7 @@ class _Lines(_Announced):
         self._show_reused()
         if self._design:
             took = self._clock() - self._began
-            self._print(f"{self._design}: {self._made} runs in {took:.2f} s")
+            self._print(f"{self._design}: {counted(self._made, 'run')} in {took:.2f} s")
             self._design = ""
 
     def _say_if_late(self, text: str) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator
 from html import escape
 
 from uqpen.core.catalogue import REQUESTED
+from uqpen.core.errors import counted
 from uqpen.core.html import html_table
 from uqpen.core.lookup import family_name, resolve
 from uqpen.core.sampling import Sampling
@@ -123,7 +124,7 @@ def design_rows(study: ValidatedStudy) -> Rows:
 def runs_text(study: ValidatedStudy) -> str:
     """Return the number of all runs of a study."""
     ends_early = any(design.ends_early for design in study.designs.values())
-    return f"{_at_most(ends_early)}{study.runs} runs"
+    return f"{_at_most(ends_early)}{counted(study.runs, 'run')}"
 
 
 def surrogate_rows(study: ValidatedStudy) -> Rows:
