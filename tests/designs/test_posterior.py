@@ -227,6 +227,7 @@ def test_no_particle_is_near_its_start_at_the_end():
     assert found.related < UNRELATED_AT_LAST + 0.05  # by ranks
     start, now = (found.values[each] for each in (found.replicates[0].start, found.runs[0]))
     assert largest_correlation(start, now) < UNRELATED_AT_LAST
+    assert math.isnan(largest_correlation(0 * start, now)), "without a warning to the user"
 
 
 def test_what_the_measurements_say_nothing_of_is_not_learnt():

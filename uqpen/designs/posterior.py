@@ -177,11 +177,15 @@ def _log_normal(points: FloatArray) -> FloatArray:
 
 
 def largest_correlation(start: FloatArray, now: FloatArray) -> float:
-    """Return the largest correlation of a coordinate with its start, over the particles."""
+    """Return the largest correlation of a coordinate with its start, over the particles.
+
+    NaN where a coordinate has one value, as at the end of its prior.
+    """
     start, now = start - start.mean(axis=0), now - now.mean(axis=0)
     products = (start * now).sum(axis=0)
     scale = np.sqrt((start**2).sum(axis=0) * (now**2).sum(axis=0))
-    return float((products / scale).max())
+    with np.errstate(invalid="ignore"):
+        return float((products / scale).max())
 
 
 _SMALLEST = -20.0
