@@ -79,12 +79,23 @@ def test_a_study_without_independent_runs_gets_a_pilot_of_its_own():
     assert dict(pilot.designs) == {"pilot": uqpen.MonteCarlo(200)}
 
 
+def test_a_study_of_runs_in_a_file_has_no_pilot(tmp_path):
+    (tmp_path / "runs.csv").write_text("x,y\n1,2\n2,3\n")
+    text = 'seed = 1\n[model]\ndata = "runs.csv"\noutputs = ["y"]\n'
+    study = uqpen.parse_study(text, name="of_file", folder=tmp_path)
+    reason = 'designs.pilot.kind: found "monte-carlo"; expected "data": all runs are those of'
+    with pytest.raises(
+        uqpen.StudyError, match=f"of_file: no pilot of independent runs can be made: {reason}"
+    ):
+        pilot_study(study, 200)
+
+
 @pytest.mark.parametrize(
     ("until", "message"),
     [
         ('{ y = { mean = "x" } }', '--until: y.mean: found "x"'),
         ("{ z = { mean = 1 } }", "--until: z: found an unknown output"),
-        ("{ y", "--until: found { y, expected { depth"),
+        ("{ y", "--until: found { y; expected { depth"),
         ("3", "--until: targets: found 3"),
     ],
 )

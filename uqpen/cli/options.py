@@ -162,7 +162,7 @@ def read_precision(written: str, study: ValidatedStudy) -> Precision:
         if problems:
             raise SettingsError(problems)
     except tomllib.TOMLDecodeError:
-        raise click.UsageError(f"--until: found {written}, expected {EXAMPLE}") from None
+        raise click.UsageError(f"--until: found {written}; expected {EXAMPLE}") from None
     except SettingsError as error:
         raise click.UsageError(f"--until: {error}") from None
     return rule

@@ -439,4 +439,8 @@ def pilot_study(study: ValidatedStudy, runs: int) -> ValidatedStudy:
     if any(each.model.noise.is_declared for each in study.models.values()):
         pilot |= {"runs": max(runs // 2, FEWEST_PILOT_POINTS), "repeats": 2}
     content["designs"] = {name: pilot}
-    return parse_study(tomli_w.dumps(content), name=study.name, folder=study.folder)
+    try:
+        return parse_study(tomli_w.dumps(content), name=study.name, folder=study.folder)
+    except StudyError as error:
+        head = f"{study.name}: no pilot of independent runs can be made"
+        raise StudyError(f"{head}: {error.problems[0]}", error.problems) from None
