@@ -117,6 +117,7 @@ def test_a_point_outside_of_the_training_range_warns_and_is_marked(archive):
         ({"load": ["15"]}, 'found load = "15", a number without a unit; expected a force'),
         ({"load": True}, "found load = true; expected a force"),
         ({"load": [15e3, np.nan]}, "found load with values that are not finite"),
+        ({"load": [[1], [1, 2]]}, "found load = lists of different lengths; expected a value"),
         ({"load": [[15e3]]}, "found load = an array of shape (1, 1); expected one value"),
         ({"load": [1e3, 2e3], "span": [1, 2, 3]}, "the inputs differ in their points"),
         (

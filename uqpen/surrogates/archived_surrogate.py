@@ -70,7 +70,11 @@ def input_array(variable: Input, given: Any) -> xr.DataArray:
 
 def _numbers(given: Any, variable: Input) -> FloatArray:
     """Return numbers as they are, and quantities in SI units."""
-    values = np.asarray(given)
+    try:
+        values = np.asarray(given)
+    except ValueError:
+        expected = "a value, or a sequence with one for each point"
+        raise QuantityError("lists of different lengths", expected) from None
     if values.dtype.kind in "iuf":
         return values.astype(np.float64)
     flat = [
