@@ -232,3 +232,12 @@ def test_inputs_of_a_joint_distribution_follow_no_missing_table(tmp_path):
         "model.inputs",
         "model.outputs",
     ]
+
+
+def test_a_list_in_place_of_a_section_is_one_mistake():
+    with pytest.raises(StudyError) as caught:
+        parse_study('seed = 1\ninputs = ["x"]\ndesigns = []\n[model]\nuse = "ishigami"\n')
+    assert [str(each) for each in caught.value.problems] == [
+        'inputs: found ["x"]; expected an [inputs] table',
+        "designs: found an empty list; expected at least one [designs.<name>]",
+    ]

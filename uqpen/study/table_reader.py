@@ -118,7 +118,9 @@ class TableReader:
         if value is None and expected:
             self.add_missing(key, expected)
         elif value is not None and not isinstance(value, dict):
-            self.add_wrong(key, value, expected or "a table")
+            place = (*self.path, key)
+            if all(each.path != place for each in self.problems):  # several parts may read it
+                self.add_wrong(key, value, expected or "a table")
         return self.inside(value if isinstance(value, dict) else None, key)
 
     def inside(self, content: dict[str, Any] | None, *keys: str | int) -> TableReader:
