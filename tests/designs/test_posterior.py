@@ -168,6 +168,12 @@ def test_replicates_that_differ_are_named():
     assert faults[1] == ""
 
 
+def test_draws_that_do_not_vary_are_not_sampled_well():
+    found = sampled("line")
+    faults = replace(found, values=np.where([True, False], 0.1, found.values)).faults
+    assert faults == ["R-hat is not defined, as the draws hardly vary", ""]
+
+
 def test_a_last_level_that_was_cut_short_says_so():
     (fault,) = sampled("θ², two modes", at_most=20_000).faults
     assert fault.startswith("the last level ended at at_most: draws correlate by 0.")

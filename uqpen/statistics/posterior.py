@@ -178,6 +178,7 @@ class PosteriorSample:
         related = self.related
         for rhat, error in zip(self.rhat.tolist(), part.tolist(), strict=True):
             reasons = (
+                texts.NO_R_HAT if math.isnan(rhat) else "",
                 texts.LARGE_R_HAT.format(rhat=rhat) if rhat >= _LARGEST_RHAT else "",
                 texts.FEW_EFFECTIVE_DRAWS.format(error=error) if error >= _LARGEST_ERROR else "",
                 texts.ENDED_TOO_EARLY.format(related=related) if related > _RELATED else "",

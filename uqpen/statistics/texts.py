@@ -505,6 +505,7 @@ RANKS_OF_WEIGHTED_DRAWS = (
     "at weighted ranks times n / (n + 1), which allows for only n = {size:.3g} effective draws"
 )
 LARGE_R_HAT = "the replicates differ: R-hat is {rhat:.3f}, not below 1.01"
+NO_R_HAT = "R-hat is not defined, as the draws hardly vary"
 FEW_EFFECTIVE_DRAWS = "the mean is known to {error:.0%} of the standard deviation, not to 5 %"
 ENDED_TOO_EARLY = (
     "the last level ended at at_most: draws correlate by {related:.2f} with where it began"
