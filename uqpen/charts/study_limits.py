@@ -9,6 +9,7 @@ from uqpen.charts.axes import ValueAxis
 from uqpen.charts.chart import LegendKey
 from uqpen.charts.marks import Rule
 from uqpen.core.arrays import FloatArray
+from uqpen.core.errors import plural
 from uqpen.results.acceptance import Acceptance
 from uqpen.results.archive_view import ArchiveView
 from uqpen.results.source_statistics import THRESHOLD_PROBABILITIES
@@ -121,7 +122,7 @@ def limit_marks(
     keys = []
     for dash in (_DECIDED, _ASKED):
         if texts := [limit.description for limit in drawn if limit.dash == dash]:
-            noun = f"limit{'s' * (len(texts) > 1)}"
+            noun = plural("limit", len(texts))
             keys.append(LegendKey(f"{noun} {', '.join(texts)}", "accent", "line", dash))
     beyond = ", ".join(limit.description for limit in every if limit not in drawn)
     notes = [f"Limits of the study beyond the axis: {beyond}."] * bool(beyond)

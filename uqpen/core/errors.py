@@ -192,9 +192,14 @@ def is_huge(value: object) -> bool:
     return isinstance(value, int) and value.bit_length() > _HUGE
 
 
+def plural(noun: str, number: int) -> str:
+    """Return a noun as it stands behind a number: in the singular for one."""
+    return noun if number == 1 else f"{noun}s"
+
+
 def counted(number: int, noun: str) -> str:
-    """Return a number and its noun, which is in the singular for one."""
-    return f"{number} {noun}{'s' * (number != 1)}"
+    """Return a number and its noun, in plain text; pages have `count_text`."""
+    return f"{number} {plural(noun, number)}"
 
 
 def toml_text(value: object) -> str:

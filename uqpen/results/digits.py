@@ -6,6 +6,8 @@ import math
 import re
 from decimal import ROUND_CEILING, Decimal, InvalidOperation
 
+from uqpen.core.errors import plural
+
 MINUS = "−"
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _PLAIN = {superscript: plain for plain, superscript in SUPERSCRIPTS.items()}
@@ -189,7 +191,7 @@ def count_text(number: int, noun: str) -> str:
     >>> count_text(1, "run"), count_text(20, "run")
     ('1 run', '20 runs')
     """
-    return f"{grouped_number(number)} {noun}{'s' * (number != 1)}"
+    return f"{grouped_number(number)} {plural(noun, number)}"
 
 
 def percent_text(probability: float) -> str:
