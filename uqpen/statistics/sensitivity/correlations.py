@@ -222,7 +222,7 @@ class _CorrelatedColumns:
                 row[:] = sums_above([ordering], np.array([[1 / std]]), rest[:, np.newaxis])[:, 0]
             rest_above = weights.output(above)
         together = _MOST_VALUES // self.sample.size
-        together = together if together >= _FEWEST_TOGETHER else 1
+        together = min(together if together >= _FEWEST_TOGETHER else 1, len(inputs))
         # Large arrays are overwritten, as memory costs more than sums.
         arrays = np.empty((3, together, self.sample.size))
         for first in range(0, len(inputs), together):
