@@ -206,6 +206,7 @@ class _NoiseTable:
     def _variable(self, model: Model) -> str:
         """Return the name of the variable with the seeds; note one that can have none."""
         inputs = {each.name: each for each in model.inputs}
+        names = list(inputs)  # what stands for the seed may be no name, and without a hash
         is_called = isinstance(model, PythonFunction | UserDefinedModel) and not model.vectorized
         if self._seed == _GLOBAL and RANDOM_SEED in inputs:
             expected = f'seed = "{RANDOM_SEED}", the input with this name'
@@ -216,10 +217,10 @@ class _NoiseTable:
                 "run a call draws from generators that can be set before each run"
             )
             self._table.add_wrong(_SEED, self._seed, expected)
-        elif self._seed != _GLOBAL and self._seed not in list(inputs):
+        elif self._seed != _GLOBAL and self._seed not in names:
             expected = (
                 f'an input of the model that takes the seed, or "{_GLOBAL}"; '
-                f"{self._table.suggest(str(self._seed), list(inputs))}"
+                f"{self._table.suggest(str(self._seed), names)}"
             )
             self._table.add_wrong(_SEED, self._seed, expected)
         elif self._seed != _GLOBAL and inputs[self._seed].unit not in (
